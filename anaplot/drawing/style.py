@@ -37,6 +37,7 @@ def _sheet() -> str:
         f".drawing text.t-halo{{paint-order:stroke;stroke:{paper};stroke-width:3px;"
         "stroke-linejoin:round}",
         ".drawing .line{fill:none;stroke-width:1.25;stroke-linecap:round;stroke-linejoin:round}",
+        ".drawing .dot{fill:none;stroke-linecap:round}",  # its width is its stroke's
         ".drawing .thin{stroke-width:.75}",
         ".drawing .bold{stroke-width:2}",
         ".drawing .dashed{stroke-dasharray:5 4}",

@@ -1,0 +1,273 @@
+"""Layers in one frame, with axes, names, a legend and notes: what every chart is made of."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from anaplot.aliases import Array
+from anaplot.drawing import pathdata
+from anaplot.drawing.drawing import Drawing
+from anaplot.drawing.element import NOTHING, Svg, element, escaped, joined, shortened, text
+from anaplot.drawing.frame import WIDTH, Frame
+from anaplot.drawing.labels import placed
+from anaplot.drawing.legend import Entry, legend
+from anaplot.drawing.pathdata import Shape
+from anaplot.drawing.textwidth import folded, text_width
+from anaplot.drawing.ticks import Ticks, ticks
+from anaplot.textfiles.wording import plain
+
+__all__ = ["Head", "Plot", "drawn"]
+
+_SIDE = 20.0  # blank at left and right of titles and notes
+_LINE = 16.0
+_LONGEST_TITLE = 90
+_LONGEST_NAME, _NAME_SIZE = 14, 10.5  # of names beside points: characters, and their size
+
+
+@dataclass(frozen=True, slots=True)
+class Head:
+    """What stands above a drawing.
+
+    Attributes
+    ----------
+    key
+        As `Drawing` has it.
+    title
+        One line.
+    remark
+        What has to be known to read it: how many, how large, by how much exaggerated.
+    """
+
+    key: str
+    title: str
+    remark: str = ""
+
+    @property
+    def lines(self) -> list[str]:
+        """The remark, folded."""
+        return folded(plain(self.remark, 600), WIDTH - 2.0 * _SIDE)
+
+    @property
+    def bottom(self) -> float:
+        """Where a frame may begin."""
+        return 34.0 + _LINE * len(self.lines) + 8.0
+
+    @property
+    def svg(self) -> Svg:
+        """The title and the remark."""
+        lines = (text(_SIDE, 44.0 + _LINE * k, line, "t-soft") for k, line in enumerate(self.lines))
+        return joined(text(_SIDE, 25.0, self.title, "t-title", most=_LONGEST_TITLE), *lines)
+
+
+def drawn(head: Head, description: str, body: Svg, height: float) -> Drawing:
+    """Return a drawing of what is drawn beneath its head.
+
+    Parameters
+    ----------
+    head
+        Its head.
+    description
+        What is to be seen, with numbers; foreign names may stand in it.
+    body
+        Elements.
+    height
+        Of the whole drawing.
+    """
+    inside = joined(
+        element("title", escaped(head.title)),
+        element("desc", escaped(description)),
+        head.svg,
+        body,
+    )
+    svg = element(
+        "svg",
+        inside,
+        xmlns="http://www.w3.org/2000/svg",
+        class_="drawing",
+        role="img",
+        viewBox=f"0 0 {WIDTH:g} {np.ceil(height):g}",
+    )
+    return Drawing(head.key, plain(head.title, 300), plain(description, 2000), svg)
+
+
+class Plot:
+    """A frame that is drawn into, layer upon layer.
+
+    Parameters
+    ----------
+    head
+        What stands above it.
+    frame
+        Made by `free_frame` or `equal_frame`, beginning at `head.bottom`.
+    """
+
+    def __init__(self, head: Head, frame: Frame) -> None:
+        self.head = head
+        self.frame = frame
+        self._layers: list[Svg] = []
+        self._entries: list[Entry] = []
+        self._notes: list[str] = []
+        self._below = frame.bottom
+
+    def add(self, svg: Svg) -> None:
+        """Add elements in units of the drawing."""
+        self._layers.append(svg)
+
+    def path(self, d: str, classes: str, width: float | None = None) -> None:
+        """Add path data in units of the drawing; nothing where there are none."""
+        if d:
+            self.add(element("path", d=d, class_=classes, stroke_width=width))
+
+    def explain(self, *entries: Entry) -> None:
+        """Add entries to the legend."""
+        self._entries.extend(entries)
+
+    def note(self, *sentences: str) -> None:
+        """Add sentences under the legend: what was left out."""
+        self._notes.extend(sentences)
+
+    def axes(
+        self,
+        x_title: str,
+        y_title: str,
+        *,
+        x_ticks: Ticks | None = None,
+        y_ticks: Ticks | None = None,
+        grid: bool = True,
+    ) -> None:
+        """Add the frame, its round numbers and their meaning, with the units; and a grid.
+
+        Parameters
+        ----------
+        x_title, y_title
+            What the numbers are, with their units.
+        x_ticks, y_ticks
+            Where they are marked; None: at round numbers.
+        grid
+            Whether lines go on through the frame.
+        """
+        of = self.frame
+        along = x_ticks or ticks(*of.x, 9)
+        up = y_ticks or ticks(*of.y, 7)
+        x = of.places(np.array([[value, of.y[0]] for value in along.values]).reshape(-1, 2))[:, 0]
+        y = of.places(np.array([[of.x[0], value] for value in up.values]).reshape(-1, 2))[:, 1]
+        if grid:
+            top, bottom = np.full_like(x, of.top), np.full_like(x, of.bottom)
+            left, right = np.full_like(y, of.left), np.full_like(y, of.right)
+            lines = pathdata.segments(np.stack((x, top), 1), np.stack((x, bottom), 1))
+            lines += pathdata.segments(np.stack((left, y), 1), np.stack((right, y), 1))
+            self.path(lines, "grid")
+        self.add(
+            element("rect", x=of.left, y=of.top, width=of.width, height=of.height, class_="frame")
+        )
+        for at, label in zip(x.tolist(), along.labels, strict=True):
+            self.add(text(at, of.bottom + 16.0, label, "t-soft t-small t-mid"))
+        for at, label in zip(y.tolist(), up.labels, strict=True):
+            self.add(text(of.left - 7.0, at + 3.8, label, "t-soft t-small t-end"))
+        self.add(text(of.left + of.width / 2.0, of.bottom + 34.0, x_title, "t-mid"))
+        wide = max((text_width(label, _NAME_SIZE) for label in up.labels), default=0.0)
+        beside = max(of.left - wide - 20.0, 14.0)
+        self.add(text(beside, of.top + of.height / 2.0, y_title, "t-mid", turned=True))
+        self._below = of.bottom + 42.0
+
+    def dots(self, at: Array, classes: str, width: float = 4.0) -> None:
+        """Add a disc at each of (n, 2) numbers; classes colour lines ("l-...")."""
+        if len(at):
+            self.path(pathdata.dots(self.frame.places(at)), f"dot {classes}", width)
+
+    def marks(self, shape: Shape, at: Array, classes: str, size: float = 4.5) -> None:
+        """Add a mark at each of (n, 2) numbers."""
+        if len(at):
+            self.path(pathdata.marks(shape, self.frame.places(at), size), classes)
+
+    def line(self, at: Array, classes: str) -> None:
+        """Add one line through (n, 2) numbers."""
+        if len(at) > 1:
+            self.path(pathdata.polyline(self.frame.places(at)), f"line {classes}")
+
+    def segments(self, start: Array, end: Array, classes: str) -> None:
+        """Add lines between (n, 2) numbers and (n, 2) others."""
+        if len(start):
+            places = self.frame.places
+            self.path(pathdata.segments(places(start), places(end)), f"line {classes}")
+
+    def areas(self, corners: Array, classes: str) -> None:
+        """Add closed polygons of (n, k, 2) numbers."""
+        if len(corners):
+            self.path(pathdata.polygons(self.frame.places(corners)), classes)
+
+    def arrows(self, at: Array, vectors: Array, times: float, classes: str) -> None:
+        """Add arrows at (n, 2) numbers, of (n, 2) differences in the same unit, exaggerated."""
+        if len(at):
+            start = self.frame.places(at)
+            end = start + self.frame.steps(vectors) * times
+            self.path(pathdata.arrows(start, end), f"line {classes}")
+
+    def ellipses(self, at: Array, covariance: Array, times: float, classes: str) -> None:
+        """Add ellipses whose half axes are the roots of the eigenvalues, exaggerated.
+
+        Parameters
+        ----------
+        at, covariance
+            (n, 2) and (n, 2, 2) in the unit of the frame, and squared.
+        times
+            By how much the axes are exaggerated.
+        classes
+            Of `STYLE`.
+        """
+        if len(at):
+            spread = self.frame.spreads(covariance) * times**2
+            self.path(pathdata.ellipses(self.frame.places(at), spread), classes)
+
+    def names(
+        self,
+        at: Array,
+        names: Sequence[str],
+        classes: str = "",
+        *,
+        obstacles: Array | None = None,
+        gap: float = 7.0,
+        most: int = 80,
+    ) -> list[int]:
+        """Add names beside (n, 2) numbers where there is room, and return which did not find it."""
+        shown = [shortened(name, _LONGEST_NAME) for name in names[:most]]
+        if not shown:
+            return []
+        sizes = np.array([[text_width(name, _NAME_SIZE), 0.8 * _NAME_SIZE] for name in shown])
+        others = None if obstacles is None else self.frame.places(obstacles)
+        at = self.frame.places(at[:most])
+        found = placed(self.frame, at, sizes, gap=gap, obstacles=others, most=most)
+        whole = f"t-small t-halo {classes}".strip()
+        for label in found:
+            y = label.y + 0.8 * _NAME_SIZE
+            self.add(text(label.x, y, names[label.which], whole, most=_LONGEST_NAME))
+        room = {label.which for label in found}
+        return [k for k in range(len(names)) if k not in room]
+
+    def drawing(self, description: str) -> Drawing:
+        """Return what was drawn.
+
+        Parameters
+        ----------
+        description
+            What is to be seen, with numbers; the notes are added to it.
+        """
+        width = WIDTH - self.frame.left - _SIDE
+        y = self._below + 6.0
+        explained, height = legend(self._entries, self.frame.left, y, width)
+        y += height + (4.0 if height else 0.0)
+        notes, y = _noted(self._notes, self.frame.left, y, width)
+        body = joined(*self._layers, explained, notes)
+        return drawn(self.head, " ".join((description, *self._notes)), body, y + 10.0)
+
+
+def _noted(notes: Iterable[str], left: float, y: float, width: float) -> tuple[Svg, float]:
+    parts = []
+    for note in notes:
+        for line in folded(plain(note, 600), width, 10.5):
+            y += _LINE
+            parts.append(text(left, y - 3.0, line, "t-soft t-small"))
+    return (joined(*parts) if parts else NOTHING), y

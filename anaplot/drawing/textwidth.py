@@ -1,0 +1,44 @@
+"""How wide a text is about to be: enough to lay out labels, since fonts are the reader's."""
+
+from __future__ import annotations
+
+import unicodedata
+from functools import lru_cache
+
+__all__ = ["folded", "text_width"]
+
+_BROADEST = 1.06  # of the fonts that may be there
+_NARROW = frozenset("iljI.,:;'|!`")
+_SLIM = frozenset('frt()[]{}-/\\ "°·')
+_BROAD = frozenset("mwMW@%…—")
+
+
+@lru_cache(maxsize=4096)
+def _of(character: str) -> float:
+    if character in _NARROW:
+        return 0.29
+    if character in _SLIM:
+        return 0.38
+    if character in _BROAD:
+        return 0.92
+    if unicodedata.combining(character):
+        return 0.0
+    if unicodedata.east_asian_width(character) in "WF":
+        return 1.0
+    return 0.68 if character.isupper() else 0.59
+
+
+def text_width(text: str, size: float = 12.0) -> float:
+    """Return the width of a text set in a size, rather too much than too little."""
+    return size * sum(map(_of, text)) * _BROADEST
+
+
+def folded(text: str, width: float, size: float = 12.0) -> list[str]:
+    """Return the lines of a text none of which is wider, but where a word is."""
+    lines: list[str] = []
+    for word in text.split():
+        if lines and text_width(f"{lines[-1]} {word}", size) <= width:
+            lines[-1] += f" {word}"
+        else:
+            lines.append(word)
+    return lines

@@ -1,0 +1,269 @@
+"""The map of a block: photos, strips, points by their redundancy, control, what is flagged."""
+
+from __future__ import annotations
+
+from math import sqrt
+from typing import NamedTuple
+
+import numpy as np
+
+from anaplot.aliases import Array, Bools, Index
+from anaplot.bundle.solve.adjusted import AdjustedBlock
+from anaplot.drawing.classes import Classes, draw_classes
+from anaplot.drawing.drawing import Drawing
+from anaplot.drawing.frame import Frame
+from anaplot.drawing.legend import Entry
+from anaplot.drawing.plot import Head, Plot
+from anaplot.drawing.thinning import thinned
+from anaplot.drawing.ticks import round_down, written
+from anaplot.report.columns import counted
+from anaplot.report.figures.groundview import GroundView, ground_view
+from anaplot.report.figures.pointvalues import flagged_points, mean_redundancy
+
+__all__ = ["CONTROL_SHAPES", "block_map", "draw_control"]
+
+_MOST_POINTS, _MOST_PHOTOS, _MOST_ELLIPSES, _MOST_FLAGGED = 4000, 600, 400, 300
+_SMALLEST, _LARGEST = 11.0, 30.0  # units of the drawing: half axis of the larger ellipses
+_SPACING = 0.35  # of the mean distance of points: the same, between those
+_TOO_LARGE = 60.0
+_REDUNDANCY = Classes(
+    (0.1, 0.3, 0.6),
+    ("below 0.1", "0.1 to 0.3", "0.3 to 0.6", "0.6 and more"),
+)
+
+CONTROL_SHAPES = (
+    ("control", "triangle", "f-series-3 rim", 5.5),
+    ("control, height only", "down", "f-series-6 rim", 5.0),
+    ("control, plan only", "diamond", "f-series-5 rim", 5.0),
+    ("check point", "square", "f-series-4 rim", 5.0),
+)
+"""What control and check points are drawn with: name, shape, classes, size."""
+
+
+class _Control(NamedTuple):
+    """Control and check points.
+
+    Attributes
+    ----------
+    at
+        Index of each in `Problem.points`.
+    kind
+        Of `CONTROL_SHAPES`.
+    names
+        Names.
+    """
+
+    at: Index
+    kind: Index
+    names: list[str]
+
+
+def _control_of(block: AdjustedBlock) -> _Control:
+    index = {name: k for k, name in enumerate(block.problem.points)}
+    at, kind, names = [], [], []
+    for name, row in block.problem.control_rows.items():
+        if name not in index or row.use == "off":
+            continue
+        plan, height = row.xyz[0] is not None or row.xyz[1] is not None, row.xyz[2] is not None
+        of = 3 if row.use == "check" else 0 if plan and height else 1 if height else 2
+        at.append(index[name])
+        kind.append(of)
+        names.append(name)
+    return _Control(np.array(at, dtype=np.intp), np.array(kind, dtype=np.intp), names)
+
+
+def draw_control(plot: Plot, view: GroundView, *, hollow: bool = False) -> tuple[Array, list[str]]:
+    """Draw control and check points, and return where they are and their names.
+
+    `hollow`: in outline, so that what is beneath is seen.
+    """
+    found = _control_of(view.block)
+    places = view.at[found.at]
+    for k, (label, shape, classes, size) in enumerate(CONTROL_SHAPES):
+        of = found.kind == k
+        if hollow:
+            classes, size = "line l-ink", size + 1.5
+        if of.any():
+            plot.marks(shape, places[of], classes, size)  # type: ignore[arg-type]
+            text = f"{label} ({int(of.sum())})"
+            plot.explain(Entry("mark", text, classes, shape, size))  # type: ignore[arg-type]
+    order = np.argsort(found.kind == 1, kind="stable")  # heights inside come last
+    return places[order], [found.names[k] for k in order.tolist()]
+
+
+def block_map(
+    block: AdjustedBlock, *, key: str = "block-map", title: str = "Block", planned: bool = False
+) -> Drawing:
+    """Return the map of an adjusted or planned block.
+
+    Photos with their footprints and strips, points by the mean redundancy number of their image
+    coordinates, flagged ones ringed, control and check points, error ellipses of one standard
+    deviation at a stated exaggeration. Objects that photos look at levelly are drawn from the side.
+
+    Parameters
+    ----------
+    block
+        The adjusted block; a planned one likewise.
+    key, title
+        Of the drawing.
+    planned
+        Whether nothing was measured: nothing is flagged then.
+    """
+    view = ground_view(block)
+    problem = block.problem
+    flagged = np.zeros(len(problem.points), dtype=bool) if planned else flagged_points(block)
+    ellipses = _ellipses(view)
+    counts = ", ".join(
+        (
+            counted(len(problem.photos), "photo"),
+            counted(len(problem.points), "point"),
+            *((counted(int(flagged.sum()), "point") + " flagged",) if flagged.any() else ()),
+        )
+    )
+    corners = view.footprints[view.whole].reshape(-1, 2)
+    # exaggeration goes by the scale of the drawing, its remark is no longer than two lines
+    frame = view.frame(Head(key, title, "x"), view.centres, corners)
+    times, drawn = _exaggeration(ellipses, frame)
+    remark = counts
+    if times:
+        remark += f". Error ellipses {written(times, 0)} times enlarged, one standard deviation"
+    head = Head(key, title, f"{remark}.")
+    plot = Plot(head, view.frame(head, view.centres, corners))
+    plot.axes(*view.titles, grid=False)
+    _draw_photos(plot, view)
+    notes = _draw_points(plot, view, flagged)
+    if times:
+        notes += _draw_ellipses(plot, view, ellipses, drawn, times)
+    places, names = draw_control(plot, view)
+    some = np.flatnonzero(flagged & view.near)[:_MOST_FLAGGED]
+    plot.marks("circle", view.at[some], "line bold l-bad", 8.0)
+    plot.marks("cross", view.at[some], "line bold l-bad", 4.0)
+    if len(some):
+        plot.explain(Entry("mark", "flagged", "line bold l-bad", "circle", 6.5))
+    if flagged.sum() > len(some):
+        notes += (f"{len(some)} of {int(flagged.sum())} flagged points are drawn.",)
+    _name(plot, view, places, names, some)
+    plot.note(*notes, *view.far_note)
+    return plot.drawing(_description(view, flagged, counts, times, planned))
+
+
+def _name(plot: Plot, view: GroundView, control: Array, names: list[str], flagged: Index) -> None:
+    """Write names where there is room: of what is flagged, of control, of photos."""
+    points = view.block.problem.points
+    at = np.vstack((view.at[flagged], control))
+    wanted = [*(points[k] for k in flagged.tolist()), *names]
+    left = plot.names(at, wanted, obstacles=view.at[view.near][:3000])
+    # rather over a point that nobody asks for than not at all
+    plot.names(at[left], [wanted[k] for k in left])
+    if len(view.centres) <= 80:
+        # photos lie on points often enough: their names may cover marks, not each other's
+        plot.names(view.centres, view.block.problem.photos, "t-soft", gap=4.0)
+
+
+def _draw_photos(plot: Plot, view: GroundView) -> None:
+    block = view.block.problem.block
+    at = {name: k for k, name in enumerate(view.block.problem.photos)}
+    chosen = thinned(view.centres, _MOST_PHOTOS)
+    whole = np.intersect1d(view.whole, chosen)
+    plot.areas(view.footprints[whole], "line thin l-series-1 faint")
+    for strip in block.strips:
+        places = view.centres[[at[photo] for photo in strip.photos if photo in at]]
+        plot.line(places, "dashed l-soft")
+    plot.marks("plus", view.centres[chosen], "line l-series-1", 4.0)
+    if len(whole):
+        plot.explain(Entry("area", "photo on the ground", "line thin l-series-1"))
+    plot.explain(Entry("mark", "projection centre", "line l-series-1", "plus", 4.0))
+    if block.strips:
+        plot.explain(Entry("line", "strip", "line dashed l-soft"))
+    if len(chosen) < len(view.centres):
+        plot.note(
+            f"{len(chosen)} of {len(view.centres)} photos are drawn, one in each part of the map."
+        )
+
+
+def _draw_points(plot: Plot, view: GroundView, flagged: Bools) -> tuple[str, ...]:
+    r = mean_redundancy(view.block)
+    known = np.flatnonzero(view.near & np.isfinite(r))
+    order = known[np.argsort(r[known], kind="stable")]  # the weakest of a cell first
+    chosen = order[thinned(view.at[order], _MOST_POINTS, flagged[order])]
+    draw_classes(plot, view.at[chosen], r[chosen], _REDUNDANCY, what="r", turned=True)
+    if len(chosen) == len(known):
+        return ()
+    return (
+        f"{len(chosen)} of {len(known)} points are drawn: the flagged ones and the weakest of each "
+        "part of the map.",
+    )
+
+
+def _ellipses(view: GroundView) -> Array:
+    """Return (p, 2, 2) covariances [m^2] along the axes of the drawing; NaN without sigma."""
+    sigma = view.block.sigma
+    factor = np.nan if sigma is None else sigma**2
+    return view.of_covariances(view.block.cofactors.points) * factor
+
+
+def _exaggeration(covariance: Array, frame: Frame) -> tuple[float, Index]:
+    """Return by how much ellipses are enlarged, and which are drawn; 0 where there are none."""
+    size = np.sqrt(np.maximum(np.einsum("nii->n", covariance), 0.0))
+    there = np.flatnonzero(np.isfinite(size) & (size > 0.0))
+    if not len(there):
+        return 0.0, there
+    typical = float(np.quantile(size[there], 0.8))
+    spacing = sqrt(frame.width * frame.height / len(there))
+    scale = frame.scale[0]
+    times = round_down(min(max(_SPACING * spacing, _SMALLEST), _LARGEST) / (typical * scale))
+    return times, there[size[there] * scale * times <= _TOO_LARGE]
+
+
+def _draw_ellipses(
+    plot: Plot, view: GroundView, covariance: Array, drawn: Index, times: float
+) -> tuple[str, ...]:
+    drawn = drawn[view.near[drawn]]
+    size = np.einsum("nii->n", covariance[drawn])
+    drawn = drawn[np.argsort(-size, kind="stable")]  # the largest of a cell first
+    chosen = drawn[thinned(view.at[drawn], _MOST_ELLIPSES)]
+    plot.ellipses(view.at[chosen], covariance[chosen], times, "line thin l-ink")
+    length = round_down(2.0 * _SMALLEST / plot.frame.scale[0] / times)
+    wide = length * plot.frame.scale[0] * times
+    label = f"error ellipse, half axis {_length(length)}"
+    plot.explain(Entry("ellipse", label, "line thin l-ink", length=2.0 * wide))
+    there = int(np.count_nonzero(np.isfinite(np.einsum("nii->n", covariance)) & view.near))
+    if len(chosen) < len(drawn):
+        return (f"{len(chosen)} of {there} error ellipses are drawn, the largest of each part.",)
+    return ()
+
+
+def _length(metres: float) -> str:
+    """Return a round length as it is read."""
+    for unit, factor in (("m", 1.0), ("mm", 1e3), ("µm", 1e6)):
+        if metres * factor >= 1.0 or unit == "µm":
+            return f"{metres * factor:g} {unit}"
+    raise AssertionError
+
+
+def _description(view: GroundView, flagged: Bools, counts: str, times: float, planned: bool) -> str:
+    block = view.block
+    control = np.bincount(_control_of(block).kind, minlength=len(CONTROL_SHAPES)).tolist()
+    kinds = ", ".join(
+        f"{count} {label}"
+        for count, (label, *_) in zip(control, CONTROL_SHAPES, strict=True)
+        if count
+    )
+    r = mean_redundancy(block)
+    said = [f"{'Planned block' if planned else 'Map of the block'}: {counts}."]
+    if kinds:
+        said.append(f"Control: {kinds}.")
+    if np.isfinite(r).any():
+        weakest = int(np.nanargmin(r))
+        said.append(
+            f"The mean redundancy number of a point's image coordinates is {np.nanmin(r):.2f} "
+            f"at point {block.problem.points[weakest]} to {np.nanmax(r):.2f}."
+        )
+    if flagged.any():
+        names = [block.problem.points[k] for k in np.flatnonzero(flagged)[:10].tolist()]
+        said.append(
+            f"Flagged points: {', '.join(names)}{' and more' if flagged.sum() > 10 else ''}."
+        )
+    if times:
+        said.append(f"Error ellipses are enlarged {written(times, 0)} times.")
+    return " ".join(said)

@@ -1,0 +1,76 @@
+"""Of every point of a block one number, from those of its image coordinates."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from anaplot.aliases import Array, Bools
+from anaplot.bundle.solve.adjusted import AdjustedBlock
+
+__all__ = [
+    "flagged_points",
+    "largest_detectable",
+    "largest_effect",
+    "mean_redundancy",
+    "point_deviations",
+]
+
+
+def mean_redundancy(block: AdjustedBlock) -> Array:
+    """Return (p,) mean redundancy numbers of the image coordinates that count; NaN without any."""
+    problem = block.problem
+    counts = (~block.rejected).sum(axis=1)
+    n = len(problem.points)
+    total = np.bincount(problem.point, weights=block.cofactors.r.sum(axis=1), minlength=n)
+    rays = np.bincount(problem.point, weights=counts, minlength=n)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.where(rays > 0, total / rays, np.nan))
+
+
+def flagged_points(block: AdjustedBlock) -> Bools:
+    """Return (p,) which points have a flagged image or control coordinate."""
+    problem, tested, rows = block.problem, block.tested, block.observations
+    out = np.zeros(len(problem.points), dtype=bool)
+    out[problem.point[block.flagged.any(axis=1)]] = True
+    control = tested.flagged[rows.image : rows.starts[1]]
+    out[rows.ground[control, 1]] = True
+    return out
+
+
+def point_deviations(block: AdjustedBlock) -> Array | None:
+    """Return (p, 3) standard deviations in X, Y, Z [m]; None where sigma0 does not exist."""
+    if block.sigma is None:
+        return None
+    variance = np.einsum("nii->ni", block.cofactors.points)
+    return np.asarray(block.sigma * np.sqrt(np.maximum(variance, 0.0)))
+
+
+def largest_detectable(block: AdjustedBlock) -> Array:
+    """Return (p,) largest smallest detectable errors of a point's image coordinates [um].
+
+    NaN where none can be tested; infinite where one of those that count cannot.
+    """
+    mdb = block.tested.mdb[: block.observations.image].reshape(-1, 2)
+    use = block.tested.use[: block.observations.image].reshape(-1, 2)
+    size = np.where(np.isfinite(mdb), mdb, np.inf)
+    return _largest(block, np.where(use, size, -np.inf).max(axis=1))
+
+
+def largest_effect(block: AdjustedBlock) -> Array:
+    """Return (p,) how far undetected errors of the size of `mdb` move a point at most [m].
+
+    Of one error in one of its own image coordinates; infinite and NaN as `largest_detectable`.
+    """
+    tested, image = block.tested, block.observations.image
+    if tested.ground is None:
+        return np.full(len(block.problem.points), np.nan)
+    moved = np.linalg.norm(tested.ground[:image], axis=1).reshape(-1, 2)
+    size = np.where(np.isfinite(moved), moved, np.inf)
+    use = tested.use[:image].reshape(-1, 2)
+    return _largest(block, np.where(use, size, -np.inf).max(axis=1))
+
+
+def _largest(block: AdjustedBlock, of_rays: Array) -> Array:
+    out = np.full(len(block.problem.points), -np.inf)
+    np.maximum.at(out, block.problem.point, of_rays)
+    return np.where(out == -np.inf, np.nan, out)

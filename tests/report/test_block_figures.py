@@ -1,0 +1,228 @@
+"""Figures of a block: what is planted is drawn where it belongs, numbers are the result's."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from svgs import SVG, paths, runs, sound, texts
+
+from anaplot.adjustment.testdistribution import TestDistribution
+from anaplot.bundle.adjust import adjust_block
+from anaplot.bundle.solve.adjusted import AdjustedBlock
+from anaplot.photogrammetry.block import ImagePoint, TestSettings
+from anaplot.planning.syntheticblock import synthetic_block
+from anaplot.report.figures import blockmap, groundview, pointmaps
+from anaplot.report.figures.blockmap import block_map
+from anaplot.report.figures.pointmaps import (
+    accuracy_maps,
+    detectable_map,
+    effect_map,
+    redundancy_map,
+)
+from anaplot.report.figures.pointvalues import flagged_points, mean_redundancy
+from anaplot.report.figures.residuals import photo_residuals, residual_pattern
+from anaplot.report.figures.testvalues import (
+    histogram_of_w,
+    image_coordinates,
+    quantiles_of_w,
+)
+
+HOSTILE = "<b>x</b>&\"'>" + "y" * 200
+
+
+@pytest.fixture(scope="module")
+def block() -> AdjustedBlock:
+    """Two strips with a gross error of 80 um in x of a point with a hostile name."""
+    made = synthetic_block(2, 4, seed=4, test=TestSettings(kind="baarda"))
+    random = np.random.default_rng(4)
+    rows = [
+        ImagePoint(photo, point, *(np.array(xy) + random.normal(0.0, 0.005, 2)).tolist())
+        for photo, points in made.truth.items()
+        for point, xy in points.items()
+    ]
+    at = next(k for k, row in enumerate(rows) if row.photo == "103" and row.point == "103-7")
+    rows[at] = replace(rows[at], x=rows[at].x + 0.08)
+    rows = [replace(row, point=HOSTILE) if row.point == "103-7" else row for row in rows]
+    control = list(made.block.control)
+    control[1] = replace(control[1], use="check")
+    control[2] = replace(control[2], xyz=(None, None, control[2].xyz[2]))
+    return adjust_block(replace(made.block, image_points=tuple(rows), control=tuple(control)))
+
+
+def test_the_map_has_what_is_in_the_block(block: AdjustedBlock) -> None:
+    drawing = block_map(block)
+    root = sound(drawing)
+    legend = " ".join(texts(root))
+    for word in ("projection centre", "strip", "control", "check point", "height only", "flagged"):
+        assert word in legend
+    problem = block.problem
+    (photos,) = paths(root, "faint")
+    assert len(runs(photos)) == len(problem.photos)
+    strips = [d for d in paths(root, "dashed") if d.count("l") > 1]
+    assert len(strips) == 2
+    assert "8 photos" in drawing.description
+    flagged = int(flagged_points(block).sum())
+    assert flagged >= 1
+    assert f"{flagged} point" in drawing.description
+
+
+def test_names_are_text_and_shortened(block: AdjustedBlock) -> None:
+    root = sound(block_map(block))
+    assert "<b>" not in block_map(block).svg
+    shown = [text for text in texts(root) if "…" in text]
+    assert shown
+    assert all(len(text) <= 14 for text in shown)
+    whole = [one.text for one in root.iter(f"{SVG}title")]
+    assert HOSTILE in whole
+
+
+def test_footprints_are_where_rays_of_the_corners_meet_the_ground(block: AdjustedBlock) -> None:
+    view = groundview.ground_view(block)
+    problem, state = block.problem, block.state
+    for k in range(len(problem.photos)):
+        height = state.points[problem.point[problem.photo == k], 2].mean()
+        for corner in view.footprints[k]:
+            ground = np.array([*(corner - state.origin[:2]), height])
+            seen = state.rotations[k].T @ (ground - state.centres[k])
+            image = -problem.c[k] * seen[:2] / seen[2]
+            assert np.abs(image) == pytest.approx([115.0, 115.0], abs=1e-6)
+
+
+def test_residuals_of_a_photo_are_drawn_at_their_points(block: AdjustedBlock) -> None:
+    drawing = photo_residuals(block, "103")
+    assert drawing is not None
+    root = sound(drawing)
+    problem = block.problem
+    ray = next(
+        k
+        for k in range(len(problem.photo))
+        if problem.photos[problem.photo[k]] == "103" and problem.points[problem.point[k]] == HOSTILE
+    )
+    assert block.flagged[ray].any()
+    (arrow,) = (d for d in paths(root, "bold") if "m" in d)
+    shaft = runs(arrow)[0]
+    # the format gives the scale
+    (corners,) = (runs(d)[0] for d in paths(root, "l-soft") if d.endswith("z"))
+    scale = np.ptp(corners[:, 0]) / 230.0
+    middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
+    expected = middle + problem.xy[ray] * scale * [1, -1]
+    assert shaft[0] == pytest.approx(expected, abs=0.2)
+    times = float(re.search(r"enlarged ([\d.e+]+) times", drawing.description)[1])  # type: ignore[index]
+    v_um = block.tested.residual[2 * ray : 2 * ray + 2]
+    assert (shaft[1] - shaft[0]) == pytest.approx(v_um * 1e-3 * times * scale * [1, -1], abs=0.2)
+    assert v_um[0] < -30.0  # adjusted minus observed: against the error
+
+
+def test_a_photo_that_is_not_there(block: AdjustedBlock) -> None:
+    with pytest.raises(KeyError):
+        photo_residuals(block, "no such")
+    with pytest.raises(KeyError):
+        residual_pattern(block, "no such")
+
+
+def test_a_pattern_shows_what_all_photos_have_in_common() -> None:
+    made = synthetic_block(2, 6, seed=6, test=TestSettings(kind="baarda"))
+    random = np.random.default_rng(6)
+
+    def bent(x: float, y: float) -> tuple[float, float]:
+        # 30 um of x where x and y have the same sign: no orientation takes it up
+        return x + 0.03 * np.sign(x * y) * (abs(x) > 30.0) * (abs(y) > 30.0), y
+
+    rows = [
+        ImagePoint(photo, point, *(np.array(bent(*xy)) + random.normal(0.0, 0.005, 2)).tolist())
+        for photo, points in made.truth.items()
+        for point, xy in points.items()
+    ]
+    drawing = residual_pattern(adjust_block(replace(made.block, image_points=tuple(rows))))
+    assert drawing is not None
+    root = sound(drawing)
+    found = re.search(r"; (\d+) larger than chance", drawing.description)
+    assert found is not None
+    beyond = int(found[1])
+    assert beyond >= 3
+    assert any("larger than chance" in text for text in texts(root))
+    (bold,) = (d for d in paths(root, "l-series-2") if "m" in d or "l" in d)
+    assert len([one for one in runs(bold) if len(one) == 2]) == beyond
+
+
+@pytest.mark.parametrize("make", [redundancy_map, detectable_map, effect_map])
+def test_maps_of_numbers(block: AdjustedBlock, make: object) -> None:
+    drawing = make(block)  # type: ignore[operator]
+    root = sound(drawing)
+    drawn = sum(len(re.findall("M", d)) for k in range(1, 6) for d in paths(root, f"f-ramp-{k}"))
+    legend = [text for text in texts(root) if re.search(r"\(\d+\)$", text)]
+    classes = [text for text in legend if "control" not in text and "check" not in text]
+    counted = sum(int(re.search(r"\((\d+)\)$", text)[1]) for text in classes)  # type: ignore[index]
+    bounded = sum("no bound" in text for text in classes)
+    assert counted == len(block.problem.points)
+    assert drawn == counted + len(classes) - bounded or bounded  # a mark each, one in the legend
+
+
+def test_accuracy_maps_tell_the_largest_deviation(block: AdjustedBlock) -> None:
+    plan, height = accuracy_maps(block)
+    sound(plan)
+    rows = {row.point: row.s_xyz for row in block.point_rows()}
+    worst = max(rows, key=lambda point: rows[point][2] or 0.0)
+    assert f"at point {worst}"[:60] in height.description
+    largest = rows[worst][2] or 0.0
+    assert f"{1e3 * largest:.3g} mm" in height.description or f"{largest:.3g} m " in (
+        height.description
+    )
+
+
+def test_redundancy_is_the_mean_of_a_points_coordinates(block: AdjustedBlock) -> None:
+    at = block.problem.points.index(HOSTILE)
+    rays = block.problem.point == at
+    assert mean_redundancy(block)[at] == pytest.approx(block.cofactors.r[rays].mean())
+
+
+def test_the_histogram_counts_every_value(block: AdjustedBlock) -> None:
+    drawing = histogram_of_w(block.tested, image_coordinates(block), key="w", what="rays")
+    assert drawing is not None
+    sound(drawing)
+    w = block.w[np.isfinite(block.w)]
+    assert f"{len(w)} values, {int((np.abs(w) > block.critical).sum())} beyond" in (
+        drawing.description
+    )
+
+
+def test_the_quantile_plot_crosses_what_is_flagged(block: AdjustedBlock) -> None:
+    drawing = quantiles_of_w(block.tested, image_coordinates(block), key="q", what="rays")
+    assert drawing is not None
+    root = sound(drawing)
+    crosses = paths(root, "l-bad")
+    flagged = int(block.flagged.sum())
+    assert sum(len(runs(d)) for d in crosses) == 2 * flagged + 2  # two strokes; one in the legend
+
+
+@pytest.mark.parametrize("f", [2, 3, 10, 500, None])
+def test_the_distribution_of_tau(f: int | None) -> None:
+    of = TestDistribution(f)
+    p = np.array([0.001, 0.1, 0.5, 0.9, 0.9995])
+    assert of.below(of.quantiles(p)) == pytest.approx(p, abs=1e-9)
+    if f is not None:
+        # E tau^2 = 1 for every f (Pope 1976)
+        middle = of.quantiles((np.arange(200_000) + 0.5) / 200_000)
+        assert np.mean(middle**2) == pytest.approx(1.0, abs=2e-3)
+        assert of.below(np.array([-100.0, 100.0])) == pytest.approx([0.0, 1.0])
+
+
+def test_large_blocks_are_thinned_and_say_so(
+    block: AdjustedBlock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(blockmap, "_MOST_POINTS", 20)
+    monkeypatch.setattr(blockmap, "_MOST_PHOTOS", 4)
+    monkeypatch.setattr(blockmap, "_MOST_ELLIPSES", 5)
+    monkeypatch.setattr(pointmaps, "_MOST", 10)
+    drawing = block_map(block)
+    root = sound(drawing)
+    drawn = sum(len(re.findall("M", d)) for k in range(1, 6) for d in paths(root, f"f-ramp-{k}"))
+    assert drawn <= 20 + 5
+    notes = " ".join(texts(root))
+    assert re.search(r"\d+ of \d+ points are drawn", notes)
+    assert re.search(r"\d of 8 photos are drawn", notes)
+    assert re.search(r"\d of \d+ error ellipses are drawn", notes)
+    assert re.search(r"\d+ of \d+ points are drawn", redundancy_map(block).description)  # type: ignore[union-attr]
