@@ -38,6 +38,7 @@ from anaplot.report.reportarguments import add_report_command
 from anaplot.version import __version__
 
 if TYPE_CHECKING:
+    from anaplot.aliases import Progress
     from anaplot.session.state import SessionState
     from anaplot.station.station import Station
 
@@ -74,18 +75,23 @@ def _demo(options: argparse.Namespace) -> int:
         station = demo.open(folder, time_scale=2.0)
         before = station.state
         temporary = options.keep is None
-        code = _show(station, partial(keeping.keep, folder) if temporary else None)
+        code = _show(station, folder, partial(keeping.keep, folder) if temporary else None)
     options.simulate = True
     _part(station, before, keeping.folder or folder, options)
     return code
 
 
-def _show(station: Station, keep: Callable[[], None] | None = None) -> int:
-    """Show a station in the console; `keep` keeps a block that would be deleted."""
+def _show(station: Station, folder: Path, keep: Callable[[], None] | None = None) -> int:
+    """Show a station on a block folder; `keep` keeps a block that would be deleted."""
     from anaplot.console.app import run_console
     from anaplot.simulation.controls import controls_of
 
-    return run_console(station, controls=controls_of(station), keep=keep)
+    def report(*, free: bool, progress: Progress) -> Path:
+        from anaplot.report.keptreport import keep_report
+
+        return keep_report(folder, datum="free" if free else "control", progress=progress).page
+
+    return run_console(station, controls=controls_of(station), keep=keep, report=report)
 
 
 def _open(options: argparse.Namespace) -> int:
@@ -131,7 +137,7 @@ def _open(options: argparse.Namespace) -> int:
             error.args = (f"{error}; the block is written - {again} opens it",)
         raise
     before = station.state
-    code = _show(station)
+    code = _show(station, options.block)
     _part(station, before, options.block, options)
     return code
 

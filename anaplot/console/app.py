@@ -24,6 +24,7 @@ from anaplot.console.kept import Kept
 from anaplot.console.keymap import default_path, load_keymap
 from anaplot.console.keys import ACTIONS
 from anaplot.console.panels import WELCOME, AdvicePanel
+from anaplot.console.reportwriting import WriteReport
 from anaplot.console.screen import OrientationScreen
 from anaplot.console.stationlike import ControlsLike, StationLike
 
@@ -83,6 +84,8 @@ class ConsoleApp(App[int]):
         What is kept from one start to the next; None: nothing.
     temporary
         Whether the block is deleted on leaving, unless the operator keeps it: the result is then 1.
+    report
+        Writes the report of the block; None where no block folder belongs to the station.
     """
 
     TITLE = "anaplot"
@@ -102,13 +105,16 @@ class ConsoleApp(App[int]):
         controls: ControlsLike | None = None,
         kept: Kept | None = None,
         temporary: bool = False,
+        report: WriteReport | None = None,
     ) -> None:
         self._kept = kept
         self._shown = ShownCells()
         self._greeting: tuple[str, ...] = ()
         super().__init__()
         self._keys_of_user = dict(keymap or {})
-        self._main = OrientationScreen(station, self._keys_of_user, controls, temporary=temporary)
+        self._main = OrientationScreen(
+            station, self._keys_of_user, controls, temporary=temporary, report=report
+        )
         self.animation_level = "none"
 
     def get_driver_class(self) -> type[Driver]:
@@ -210,6 +216,7 @@ def run_console(
     controls: ControlsLike | None = None,
     keymap: Path | None = None,
     keep: Callable[[], None] | None = None,
+    report: WriteReport | None = None,
 ) -> int:
     """Run the console until the operator leaves, then close the station.
 
@@ -223,6 +230,8 @@ def run_console(
         A keymap file; None takes the user's own if there is one.
     keep
         Called when the operator keeps a block that would be deleted; None where none would be.
+    report
+        Writes the report of the block; None where no block folder belongs to the station.
 
     Returns
     -------
@@ -240,7 +249,14 @@ def run_console(
             load_keymap(default_path(), required=False) if keymap is None else load_keymap(keymap)
         )
         kept = Kept(default_path().with_name("console.toml"))
-        app = ConsoleApp(station, keys, controls=controls, kept=kept, temporary=keep is not None)
+        app = ConsoleApp(
+            station,
+            keys,
+            controls=controls,
+            kept=kept,
+            temporary=keep is not None,
+            report=report,
+        )
         sys.setswitchinterval(_SWITCH)
         result = app.run()
     finally:

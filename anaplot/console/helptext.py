@@ -137,6 +137,16 @@ _BLOCK = (
 )
 
 
+_REPORT = (
+    (
+        "report",
+        "What the block's files have, adjusted and written as one page for the browser and for "
+        "paper, in the folder reports of the block: a new one each time, named by date and time. "
+        "The model in work is in it once it is accepted. Measuring goes on meanwhile.",
+    ),
+)
+
+
 _FIT = (
     (
         "fit page",
@@ -227,6 +237,7 @@ def help_lines(keys: Mapping[str, tuple[str, ...]], width: int, words: str = "")
         ("The stereo view", _STEREO),
         ("Gross errors", _ERRORS),
         ("The block", _BLOCK),
+        ("The report", _REPORT),
         ("The control", _FIT),
         ("The pointing", _POINTING),
         ("Instruments", _INSTRUMENTS),

@@ -25,6 +25,7 @@ __all__ = [
     "PointName",
     "Question",
     "Read",
+    "Report",
     "Say",
     "Toggle",
     "Turn",
@@ -79,6 +80,11 @@ class Read:
 
 
 @dataclass(frozen=True, slots=True)
+class Report:
+    """Write the report of the block."""
+
+
+@dataclass(frozen=True, slots=True)
 class Turn:
     """Turn the handwheels of a simulated instrument [mm]."""
 
@@ -121,7 +127,9 @@ class Question:
     other: tuple[str, Leave] | None = None
 
 
-Intent = Command | Say | Question | Leave | PointName | OtherPointName | Read | Turn | Toggle
+Intent = (
+    Command | Say | Question | Leave | PointName | OtherPointName | Read | Report | Turn | Toggle
+)
 
 PAGES = ("orientation", "messages", "block", "ties", "fit", "log", "pointing", "errors", "help")
 """Pages that are there whatever is selected, each opened by the action of its name."""
@@ -133,6 +141,7 @@ _ALWAYS: dict[str, Intent] = {
     "undo": commands.Undo(),
     "stop": commands.Stop(),
     "add_point": PointName(),
+    "report": Report(),
     **{f"why_{reason}": commands.GiveReason(reason) for reason in REASONS},
     **{page: Read(page) for page in PAGES},
 }

@@ -111,6 +111,7 @@ ACTIONS: tuple[Action, ...] = (
     Action(
         "pointing", "P", "Pointing", "How precise the pointing is; from there, point again.", 19
     ),
+    Action("report", "W", "Report", "Write the report of the block; it says where.", 20),
     Action("errors", "e", "Errors", "Gross errors of the model, by the strategy chosen there.", 16),
     Action("details", "d", "More", "All that is known of the selected row.", 10),
     Action("add_point", "+", "Add", "Add a point beyond the plan.", 16),
@@ -179,7 +180,7 @@ def is_live(
         "sort": rows > 0,
         "transfers": snapshot.diagnosis is not None and bool(snapshot.diagnosis.transfers),
         "overview": snapshot.status is not None,
-        "block": snapshot.block_view is not None,
+        **dict.fromkeys(("block", "report"), snapshot.block_view is not None),
         "errors": snapshot.solution is not None and snapshot.inner is None,
         "details": rows > 0,
         "add_point": working and snapshot.inner is None,

@@ -38,7 +38,7 @@ __all__ = ["ModelList", "OverviewView"]
 
 _OF_TABLE = frozenset({"sort", "transfers", "layout", "stereo"})
 _ELSEWHERE = frozenset(
-    {"leave", "redraw", "automatic", "suspend", "stop", "hand", *PAGES}
+    {"leave", "redraw", "automatic", "suspend", "stop", "hand", "report", *PAGES}
     | {f"why_{reason}" for reason in REASONS}
 )
 _MOST_LINES = 12

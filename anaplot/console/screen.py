@@ -24,6 +24,7 @@ from anaplot.console.intent import (
     PointName,
     Question,
     Read,
+    Report,
     Say,
     Toggle,
     Turn,
@@ -37,7 +38,7 @@ from anaplot.console.keybar import KeyBar, key_in_words, show_key
 from anaplot.console.keymap import keys_in_force
 from anaplot.console.keys import bindings, key_hints
 from anaplot.console.mapview import MapView
-from anaplot.console.now import Now, longest_now, now_of
+from anaplot.console.now import longest_now, now_of
 from anaplot.console.overviewview import OverviewView
 from anaplot.console.pages import Pages
 from anaplot.console.panels import (
@@ -48,6 +49,7 @@ from anaplot.console.panels import (
     MessagePanel,
     ReadOutLine,
 )
+from anaplot.console.reportwriting import ReportWriting, WriteReport
 from anaplot.console.rows import shown_rows, sort_rows
 from anaplot.console.situation import Situation
 from anaplot.console.stationlike import ControlsLike, StationLike
@@ -78,6 +80,10 @@ class OrientationScreen(Screen[None]):
         The user's keys, checked, by action id.
     controls
         Those of its simulated instrument; None where it has none.
+    temporary
+        Whether the block is deleted on leaving, unless it is asked to be kept.
+    report
+        Writes the report of the block; None where no block folder belongs to the station.
     """
 
     BINDINGS: ClassVar[list[BindingType]] = [*bindings()]
@@ -130,6 +136,7 @@ class OrientationScreen(Screen[None]):
         controls: ControlsLike | None = None,
         *,
         temporary: bool = False,
+        report: WriteReport | None = None,
     ) -> None:
         super().__init__()
         self._station = station
@@ -143,6 +150,7 @@ class OrientationScreen(Screen[None]):
         self._moved_by_hand = False
         self._longest = ""
         self._unread: list[tuple[str, str]] = []
+        self._report = ReportWriting(self, report, self._say, temporary=temporary)
         self._pages = Pages(
             station,
             self._keys,
@@ -292,11 +300,6 @@ class OrientationScreen(Screen[None]):
         self.query_one(KeyBar).show(key_hints(now, self._keys))
 
     @property
-    def _now(self) -> Now:
-        moved = self.query_one(TableView).selected if self._moved_by_hand else None
-        return now_of(self._snapshot, self._keys, moved)
-
-    @property
     def _situation(self) -> Situation:
         table, overview = self.query_one(TableView), self.query_one(OverviewView)
         return Situation(
@@ -306,7 +309,7 @@ class OrientationScreen(Screen[None]):
             rows=len(table.shown),
             choices=self._choices,
             controls=self._controls,
-            now=self._now,
+            now=now_of(self._snapshot, self._keys, table.selected if self._moved_by_hand else None),
             overview=overview.stands,
             aim=overview.aim,
             temporary=self._temporary,
@@ -406,6 +409,8 @@ class OrientationScreen(Screen[None]):
                 self.app.push_screen(*asking_name(intent, self._do))
             case Read(page):
                 self._pages.open(self.app, page, self._situation.selected)
+            case Report():
+                self._report.begin(self._snapshot.block_view)
             case Leave(keep):
                 self.app.exit(int(keep))  # KEPT, or 0
             case Turn() | Toggle():
@@ -424,10 +429,7 @@ class OrientationScreen(Screen[None]):
     # -- looking around --------------------------------------------------------------------
 
     def on_table_view_selected(self) -> None:
-        """Show what belongs to the row selected with the mouse."""
-        self._selected_by_hand()
-
-    def _selected_by_hand(self) -> None:
+        """Show what belongs to the row selected by hand."""
         self._moved_by_hand = True
         self._show_selected()
 
@@ -447,7 +449,7 @@ class OrientationScreen(Screen[None]):
         """Move the cursor by rows."""
         if said := self.query_one(TableView).moved(step):
             self._say("hint", said)
-        self._selected_by_hand()
+        self.on_table_view_selected()
 
     def _next_flag(self) -> None:
         """Select the next flagged row, the most probable first."""
@@ -455,7 +457,7 @@ class OrientationScreen(Screen[None]):
         if said := table.select_next(flagged):
             self._say("hint", said)
         if flagged and table.selected is not None:
-            self._moved_by_hand = table.selected.key != self._now.row
+            self._moved_by_hand = table.selected.key != self._situation.now.row
         self._show_selected()
 
     def _redraw(self) -> None:

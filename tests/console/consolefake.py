@@ -157,10 +157,10 @@ def picture(
     return replace(snapshot, **changes)
 
 
-def console(station: FakeStation, keymap: dict[str, str] | None = None) -> ConsoleApp:
+def console(station: FakeStation, keymap: dict[str, str] | None = None, **options) -> ConsoleApp:
     """The console over a fake, which has controls where its instrument is simulated."""
     controls = station if station.current.link.simulated else None
-    return ConsoleApp(station, keymap, controls=controls)
+    return ConsoleApp(station, keymap, controls=controls, **options)
 
 
 class FakeStation:

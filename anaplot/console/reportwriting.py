@@ -1,0 +1,86 @@
+"""The report of the block, written beside the screen while measuring goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Protocol
+
+from textual.screen import Screen
+from textual.worker import get_current_worker
+
+from anaplot.aliases import Progress
+from anaplot.console.beside import Beside
+from anaplot.station.blockview import BlockView
+
+__all__ = ["ReportWriting", "WriteReport"]
+
+
+class WriteReport(Protocol):
+    """Writes a report and returns where it lies; may raise an AnaplotError."""
+
+    def __call__(self, *, free: bool, progress: Progress) -> Path:
+        """Write it; `free`: without control. What `progress` raises ends it."""
+
+
+class _LeftError(Exception):
+    """Nobody waits for the report any more."""
+
+
+class ReportWriting:
+    """Writes one report at a time.
+
+    Parameters
+    ----------
+    screen
+        Whose it is; at its end a report under way is given up.
+    write
+        Writes it, in a thread; None where no block folder belongs to what is shown.
+    say
+        Tells the operator: severity and one line.
+    temporary
+        Whether the block is deleted on leaving, unless it is asked to be kept.
+    """
+
+    def __init__(
+        self,
+        screen: Screen[Any],
+        write: WriteReport | None,
+        say: Callable[[str, str], None],
+        *,
+        temporary: bool = False,
+    ) -> None:
+        self._write, self._say, self._temporary = write, say, temporary
+        self._beside = Beside(screen, self._written, self._done, self._failed)
+        self._free = self._running = False
+
+    def begin(self, view: BlockView | None) -> None:
+        """Write the report of the block, in the datum in which it is shown."""
+        if self._write is None:
+            self._say("hint", "a recorded session is shown: anaplot report BLOCK writes the report")
+            return
+        if self._running:
+            self._say("hint", "the report is being written")
+            return
+        self._running, self._free = True, view is not None and view.datum == "free"
+        self._say("info", "the report of the accepted models is being written: go on measuring")
+        self._beside.wanted()
+
+    def _written(self) -> Path:
+        worker = get_current_worker()
+
+        def progress(_what: str, _share: float) -> None:
+            if worker.is_cancelled:
+                raise _LeftError
+
+        assert self._write is not None
+        return self._write(free=self._free, progress=progress)
+
+    def _done(self, page: Path) -> None:
+        self._running = False
+        goes = ", and goes with this block unless you keep it" if self._temporary else ""
+        self._say("info", f"report: {page}{goes}")
+
+    def _failed(self, words: str) -> None:
+        self._running = False
+        self._say("error", f"no report: {words}")

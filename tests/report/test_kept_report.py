@@ -1,0 +1,102 @@
+"""Reports that are kept in a block's folder."""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+from anaplot.cli import main
+from anaplot.errors import InputError, NotComputableError
+from anaplot.exchange.blockfolder import read_block
+from anaplot.exchange.blockpack import pack_block
+from anaplot.report.adjustcommand import adjust
+from anaplot.report.html.render import is_report
+from anaplot.report.keptreport import REPORTS, keep_report
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    folder = tmp_path / "block"
+    options = [
+        "--strips",
+        "2",
+        "--photos",
+        "3",
+        "--points",
+        "5x5",
+        "--control-m",
+        "0.05",
+        "--to",
+        str(folder),
+    ]
+    assert main(["plan", "block", *options]) == 0
+    return folder
+
+
+def files(folder: Path) -> set[str]:
+    return {str(path.relative_to(folder)) for path in folder.rglob("*")}
+
+
+def test_every_report_is_one_more_and_the_block_is_as_it_was(folder: Path, tmp_path: Path) -> None:
+    before, block = files(folder), read_block(folder)
+    pages = [keep_report(folder).page for _ in range(3)]
+    assert len(set(pages)) == 3
+    for page in pages:
+        assert page.parent == folder / REPORTS
+        assert re.fullmatch(r"\d{4}-\d\d-\d\d-\d{4}(-[23])?\.html", page.name)
+        assert is_report(page.read_bytes())
+    assert files(folder) == before | {REPORTS, *(f"{REPORTS}/{page.name}" for page in pages)}
+    assert read_block(folder) == block
+    assert not any(REPORTS in name for name in pack_block(folder, tmp_path / "packed.zip"))
+
+
+def test_the_name_of_anything_is_left_to_it(folder: Path) -> None:
+    first = keep_report(folder).page
+    first.unlink()
+    tables = first.with_name(first.name + ".tables")
+    tables.mkdir()
+    other = keep_report(folder).page
+    assert other != first
+    assert list(tables.iterdir()) == []
+
+
+def test_the_datum_is_that_of_the_call(folder: Path) -> None:
+    (folder / "control.csv").unlink()
+    with pytest.raises(NotComputableError, match="no control"):
+        keep_report(folder)
+    assert not (folder / REPORTS).exists()
+    assert keep_report(folder, datum="free").page.exists()
+
+
+def test_what_progress_raises_ends_it_and_nothing_is_left(folder: Path) -> None:
+    class EnoughError(Exception):
+        pass
+
+    def enough(_what: str, _share: float) -> None:
+        raise EnoughError
+
+    with pytest.raises(EnoughError):
+        keep_report(folder, progress=enough)
+    assert not (folder / REPORTS).exists()
+
+
+@pytest.mark.skipif(sys.platform == "win32" or os.geteuid() == 0, reason="root writes anywhere")
+def test_a_block_that_cannot_be_written_is_one_line(folder: Path) -> None:
+    folder.chmod(0o500)
+    try:
+        with pytest.raises(InputError, match=REPORTS):
+            keep_report(folder)
+    finally:
+        folder.chmod(0o700)
+
+
+def test_a_file_in_the_place_of_the_folder_is_one_line(folder: Path) -> None:
+    (folder / REPORTS).write_text("mine")
+    with pytest.raises(InputError, match=REPORTS):
+        keep_report(folder)
+    assert (folder / REPORTS).read_text() == "mine"
+    assert adjust(folder).document.answer["redundancy"] > 0
