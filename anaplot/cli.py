@@ -10,7 +10,7 @@ import threading
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 from anaplot.console.terminal import need_terminal
 from anaplot.errors import AnaplotError, InputError, NotComputableError
@@ -21,20 +21,23 @@ from anaplot.report.adjustarguments import (
     add_compare_arguments,
     add_fit_arguments,
 )
-from anaplot.report.arguments import add_output, positive, whole
+from anaplot.report.commandparser import CommandParser, Commands
 from anaplot.report.doorarguments import add_export_arguments, add_import_arguments
 from anaplot.report.innerarguments import add_inner_arguments
 from anaplot.report.newcommand import add_new_arguments, run_new
-from anaplot.report.planarguments import (
-    add_additional_arguments,
-    add_block_arguments,
-    add_network_arguments,
-    add_pattern_arguments,
-    add_run_arguments,
-    add_simulate_arguments,
-)
+from anaplot.report.plancommands import add_plan_commands
 from anaplot.report.plotterarguments import add_plotter_commands
 from anaplot.report.reportarguments import add_report_command
+from anaplot.report.sessionarguments import (
+    add_demo_arguments,
+    add_log_arguments,
+    add_open_arguments,
+    add_pack_arguments,
+    add_pointing_arguments,
+    add_replay_arguments,
+    add_status_arguments,
+    add_unpack_arguments,
+)
 from anaplot.version import __version__
 
 if TYPE_CHECKING:
@@ -42,14 +45,16 @@ if TYPE_CHECKING:
     from anaplot.session.state import SessionState
     from anaplot.station.station import Station
 
-__all__ = ["main"]
+__all__ = ["command_parser", "main"]
 
-
-class _Parser(argparse.ArgumentParser):
-    """Usage errors are one line, like every other error."""
-
-    def error(self, message: str) -> NoReturn:
-        raise InputError(f"{message} (see {self.prog} --help)")
+_FIRST_STEPS = """\
+anaplot: say what to do. To begin:
+  anaplot demo                     a strip with planted mistakes, no instrument
+  anaplot new FOLDER               a block from a few answers
+  anaplot import SOURCE -o FOLDER  a block from another program's files
+  anaplot open FOLDER              the console on a block
+  anaplot adjust FOLDER            the block as one bundle, every ray tested
+anaplot --help names all commands, anaplot COMMAND --help what one takes."""
 
 
 def _bridge(options: argparse.Namespace) -> int:
@@ -238,36 +243,6 @@ def _pointing(options: argparse.Namespace) -> int:
     return run_pointing(options)
 
 
-def _plan_pattern(options: argparse.Namespace) -> int:
-    from anaplot.report.patterncomparison import run_plan_pattern
-
-    return run_plan_pattern(options)
-
-
-def _plan_simulate(options: argparse.Namespace) -> int:
-    from anaplot.report.simulatecommand import run_simulate
-
-    return run_simulate(options)
-
-
-def _plan_block(options: argparse.Namespace) -> int:
-    from anaplot.report.planseries import run_plan_block
-
-    return run_plan_block(options)
-
-
-def _plan_network(options: argparse.Namespace) -> int:
-    from anaplot.report.networkcomparison import run_plan_network
-
-    return run_plan_network(options)
-
-
-def _plan_additional(options: argparse.Namespace) -> int:
-    from anaplot.report.planadditional import run_plan_additional
-
-    return run_plan_additional(options)
-
-
 def _compare(options: argparse.Namespace) -> int:
     from anaplot.exchange.blockfolder import block_files
     from anaplot.report.comparecommand import compare
@@ -280,274 +255,157 @@ def _compare(options: argparse.Namespace) -> int:
     return run_computation(options, partial(compare, *epochs), reads)
 
 
-def _add_plan(commands: Any) -> None:
-    plan = commands.add_parser(
-        "plan",
-        help="what a measurement would be worth, before it is made",
-        description="Planning: reliability from geometry alone.",
-        epilog="example: anaplot plan pattern 13/5",
-    )
-    parts = plan.add_subparsers(dest="part", metavar="COMMAND", required=True)
-    show = parts.add_parser(
-        "pattern",
-        help="redundancy numbers of a point pattern, and the point that would help most",
-        epilog="example: anaplot plan pattern 6 --ties 3",
-    )
-    show.set_defaults(run=_plan_pattern)
-    add_pattern_arguments(show)
-    block = parts.add_parser(
-        "block",
-        help="a regular aerial block: classes of observations, weak photos, accuracy",
-        epilog="example: anaplot plan block --strips 4 --photos 8 --bridging 3 --twin",
-    )
-    block.set_defaults(run=_plan_block)
-    add_block_arguments(block)
-    network = parts.add_parser(
-        "network",
-        help="camera stations around an object: what they see, check and determine",
-        epilog="example: anaplot plan network cube --case C --point 2",
-    )
-    network.set_defaults(run=_plan_network)
-    add_network_arguments(network)
-    additional = parts.add_parser(
-        "additional",
-        help="a set of additional parameters: its terms, and what they have in common",
-        epilog="example: anaplot plan additional gruen",
-    )
-    additional.set_defaults(run=_plan_additional)
-    add_additional_arguments(additional)
-    simulate = parts.add_parser(
-        "simulate",
-        help="Monte Carlo: how often errors are found, rightly or wrongly",
-        epilog="example: anaplot plan simulate kratky-1983-6-3 --runs 20000",
-    )
-    simulate.set_defaults(run=_plan_simulate)
-    add_simulate_arguments(simulate)
-    add_run_arguments(simulate)
-
-
-def _parser() -> _Parser:
-    parser = _Parser(
+def command_parser() -> CommandParser:
+    """Return the parser of the whole command line; light: nothing is computed or read."""
+    parser = CommandParser(
         prog="anaplot",
         description="On-line photogrammetric triangulation: measure, see at once what the model "
         "says of every measurement, re-measure the one that deserves it, go on.",
-        epilog="example: anaplot demo",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        examples=("anaplot demo", "anaplot adjust --help"),
     )
     parser.add_argument("--version", action="version", version=f"anaplot {__version__}")
-    commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    commands = Commands(parser, "command")
 
-    def command(name: str, run: Callable[[argparse.Namespace], int], text: str, example: str):  # type: ignore[no-untyped-def]
-        sub = commands.add_parser(name, help=text, description=text, epilog=f"example: {example}")
-        sub.set_defaults(run=run)
-        return sub
-
-    bridge = command(
-        "bridge",
-        _bridge,
-        "form the models of every strip from image_points.csv and print their tables",
-        "anaplot bridge myblock --json",
-    )
-    add_bridge_arguments(bridge)
-    adjust = command(
-        "adjust",
-        _adjust,
-        "adjust the block as one bundle, with the redundancy number of every observation",
-        "anaplot adjust myblock --additional ebner",
-    )
-    add_adjust_arguments(adjust)
-    add_apply_arguments(adjust)
-    add_report_command(command)
-    compare = command(
-        "compare",
-        _compare,
-        "what has moved between two or more epochs, and when",
-        "anaplot compare spring autumn",
-    )
-    add_compare_arguments(compare)
-
-    demo = command(
+    commands.group("to begin")
+    demo = commands.add(
         "demo",
         _demo,
         "a small simulated strip with planted mistakes, on a simulated plotter behind a real "
         "serial line, in the console",
+        "anaplot demo",
         "anaplot demo --auto --seed 7",
     )
-    demo.add_argument(
-        "--auto",
-        action="store_true",
-        help="a simulated operator does the job; what became of the mistakes goes where --json, "
-        "--all, --csv and --to say",
-    )
-    add_output(demo, "the planted mistakes")
-    demo.add_argument("--seed", type=whole(0, 2**31), default=1, metavar="N", help="default 1")
-    demo.add_argument(
-        "--models",
-        type=whole(1, 200),
-        default=4,
-        metavar="N",
-        help="models of the strip, default 4",
-    )
-    demo.add_argument(
-        "--fiducials",
-        action="store_true",
-        help="begin every model with the inner orientation of its photos: eight fiducials, plates "
-        "that lie shifted, turned and shrunk, a little distortion, one fiducial missed",
-    )
-    demo.add_argument("--keep", type=Path, metavar="FOLDER", help="keep the block in a new folder")
-
-    opening = command(
-        "open",
-        _open,
-        "the console on a block; goes on where its journal ends",
-        "anaplot open myblock --profile anaplot-ascii --port /dev/ttyUSB0",
-    )
-    opening.add_argument("block", type=Path, metavar="BLOCK", help="the block's folder")
-    opening.add_argument("--profile", metavar="NAME", help="device profile: a name or a file")
-    opening.add_argument("--port", help="serial port: /dev/ttyUSB0, COM3, socket://host:port")
-    opening.add_argument(
-        "--simulate",
-        action="store_true",
-        help="connect a simulated plotter instead; --profile says which instrument it plays",
-    )
-    opening.add_argument(
-        "--truth",
-        type=Path,
-        metavar="FOLDER",
-        help="with --simulate: the block whose image_points.csv lies in the simulated plates",
-    )
-    opening.add_argument(
-        "--seed", type=whole(0, 2**31), default=1, metavar="N", help="of the simulation, default 1"
-    )
-    opening.add_argument(
-        "--pattern",
-        metavar="NAME",
-        help="point pattern of new models, a name or a file; default the block's, else 13",
-    )
-    opening.add_argument(
-        "--operator", default="", metavar="NAME", help="your name, for the journal"
-    )
-    opening.add_argument(
-        "--story", default="", metavar="TEXT", help="what the session is about, for the journal"
-    )
-
-    new = command(
+    add_demo_arguments(demo)
+    add_plan_commands(commands)
+    new = commands.add(
         "new",
         run_new,
         "a block from a few answers, or from options without questions",
-        "anaplot new survey --strip 101-120 --strip 220-201 --camera rmk15 --control points.txt",
+        "anaplot new survey --strip 101-105",
+        "anaplot new flight --strip 101-120 --strip 220-201 --camera rmk15 --control points.txt",
     )
     add_new_arguments(new)
+    door = commands.add(
+        "import",
+        _import,
+        "a block from another program's files",
+        "anaplot import colmap sparse/0 -o fromcolmap",
+        "anaplot import sparse/0 -o halved --sigma-px 0.5",
+    )
+    add_import_arguments(door)
 
-    inner = command(
+    commands.group("at the instrument")
+    add_plotter_commands(commands)
+    opening = commands.add(
+        "open",
+        _open,
+        "the console on a block; goes on where its journal ends",
+        "anaplot open myblock --simulate",
+        "anaplot open myblock --profile anaplot-ascii --port /dev/ttyUSB0",
+    )
+    add_open_arguments(opening)
+    inner = commands.add(
         "inner",
         _inner,
         "inner orientation of measured fiducials",
         "anaplot inner fiducials.toml",
+        "anaplot inner fiducials.toml --points plates.csv --apply flight",
     )
     add_inner_arguments(inner)
-
-    status = command(
+    status = commands.add(
         "status",
         _status,
         "where a block stands, what needs a look, what to do next",
+        "anaplot status myblock",
         "anaplot status myblock --json",
     )
-    status.add_argument("block", type=Path, metavar="BLOCK", help="the block's folder")
-    add_output(status, "the models")
-
-    log = command(
+    add_status_arguments(status)
+    log = commands.add(
         "log",
         _log,
         "who changed what, when: every measurement, re-measurement and row switched off",
+        "anaplot log myblock",
         "anaplot log myblock --csv changes.csv",
     )
-    log.add_argument("session", type=Path, metavar="BLOCK", help="a block, or a recorded session")
-    add_output(log, "the changes")
-
-    pointing = command(
+    add_log_arguments(log)
+    pointing = commands.add(
         "pointing",
         _pointing,
         "the precision of pointing: pooled sigma0 of the models, repeated pointing, drift",
         "anaplot pointing myblock",
+        "anaplot pointing myblock --to pointing",
     )
-    pointing.add_argument(
-        "session", type=Path, metavar="BLOCK", help="a block, or a recorded session"
-    )
-    add_output(pointing, "the pooled sigma0")
-
-    fit = command(
-        "fit",
-        _fit,
-        "the strips on the control measured so far: similarity, polynomials, discrepancies",
-        "anaplot fit myblock --degree 2 --without 7,12",
-    )
-    add_fit_arguments(fit)
-    pack = command(
-        "pack",
-        _pack,
-        "a whole block as one file: settings, measurements, control, cameras and journal",
-        "anaplot pack myblock -o myblock.zip",
-    )
-    pack.add_argument("block", type=Path, metavar="BLOCK", help="the block's folder")
-    pack.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="a new file")
-    unpack = command(
-        "unpack",
-        _unpack,
-        "a packed block as a folder again, every file checked",
-        "anaplot unpack myblock.zip -o myblock",
-    )
-    unpack.add_argument("pack", type=Path, metavar="FILE", help="what pack has written")
-    unpack.add_argument(
-        "-o", "--output", type=Path, required=True, metavar="FOLDER", help="a new folder"
-    )
-
-    door = command(
-        "import",
-        _import,
-        "a block from another program's files",
-        "anaplot import colmap sparse/0 -o myblock",
-    )
-    add_import_arguments(door)
-    out = command(
-        "export",
-        _export,
-        "a block as another program's files",
-        "anaplot export colmap myblock -o cleaned",
-    )
-    add_export_arguments(out)
-
-    add_plotter_commands(commands)
-    _add_plan(commands)
-
-    replay = command(
+    add_pointing_arguments(pointing)
+    replay = commands.add(
         "replay",
         _replay,
         "play a recorded session through the same code",
         "anaplot replay myblock --check",
+        "anaplot replay myblock --to rebuilt",
     )
-    replay.add_argument(
-        "session", type=Path, metavar="SESSION", help="a journal file, or the block's folder"
+    add_replay_arguments(replay)
+
+    commands.group("the block as a whole")
+    bridge = commands.add(
+        "bridge",
+        _bridge,
+        "form the models of every strip from image_points.csv and print their tables",
+        "anaplot bridge myblock",
+        "anaplot bridge myblock --errors tau --csv rows.csv",
     )
-    replay.add_argument(
-        "--check",
-        action="store_true",
-        help="compare every table with the recorded one; exit with 1 when one differs",
+    add_bridge_arguments(bridge)
+    fit = commands.add(
+        "fit",
+        _fit,
+        "the strips on the control measured so far: similarity, polynomials, discrepancies",
+        "anaplot fit myblock",
+        "anaplot fit myblock --degree 2 --csv discrepancies.csv",
     )
-    replay.add_argument(
-        "--to", type=Path, metavar="BLOCK", help="rebuild the block in a new folder"
+    add_fit_arguments(fit)
+    adjust = commands.add(
+        "adjust",
+        _adjust,
+        "adjust the block as one bundle, with the redundancy number of every observation",
+        "anaplot adjust myblock",
+        "anaplot adjust myblock --additional ebner --to tables",
     )
-    replay.add_argument(
-        "--salvage",
-        type=Path,
-        metavar="BLOCK",
-        help="bring what can be read of a damaged session into a new block; say what is missing",
+    add_adjust_arguments(adjust)
+    add_apply_arguments(adjust)
+    add_report_command(commands)
+    compare = commands.add(
+        "compare",
+        _compare,
+        "what has moved between two or more epochs, and when",
+        "anaplot compare spring autumn",
+        "anaplot compare spring summer autumn --csv moved.csv",
     )
-    add_output(replay, "the rows of the models (with --salvage: what is missing)", folder=False)
-    replay.add_argument(
-        "--speed", type=positive, metavar="X", help="watch it, X times as fast as it was recorded"
+    add_compare_arguments(compare)
+
+    commands.group("to pass on")
+    out = commands.add(
+        "export",
+        _export,
+        "a block as another program's files",
+        "anaplot export colmap myblock -o cleaned",
+        "anaplot export geojson myblock -o map.geojson --ellipses 1000",
     )
-    replay.add_argument("--console", action="store_true", help="watch it in the console")
+    add_export_arguments(out)
+    pack = commands.add(
+        "pack",
+        _pack,
+        "a whole block as one file: settings, measurements, control, cameras and journal",
+        "anaplot pack myblock -o myblock.zip",
+        "anaplot pack myblock -o backup/monday.zip",
+    )
+    add_pack_arguments(pack)
+    unpack = commands.add(
+        "unpack",
+        _unpack,
+        "a packed block as a folder again, every file checked",
+        "anaplot unpack myblock.zip -o again",
+        "anaplot unpack backup/monday.zip -o monday",
+    )
+    add_unpack_arguments(unpack)
     return parser
 
 
@@ -571,7 +429,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         _end_cleanly()
         try:
-            options = _parser().parse_args(arguments)
+            if not (sys.argv[1:] if arguments is None else arguments):
+                print(_FIRST_STEPS, file=sys.stderr)
+                return InputError.exit_code
+            options = command_parser().parse_args(arguments)
             code: int = options.run(options)
         except SystemExit:
             # --help has written something

@@ -151,7 +151,7 @@ def parsed(words: list[str]) -> str | None:
     finally:
         argparse.ArgumentParser.parse_args = parse  # type: ignore[method-assign]
     said = told.getvalue()
-    chosen = re.search(r"invalid choice: '([^']*)'", said)
+    chosen = re.search(r": no '([^']*)' \((?:known|see)", said)
     return said if code and not (chosen and _PLACE.fullmatch(chosen[1])) else None
 
 

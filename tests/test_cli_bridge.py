@@ -130,13 +130,12 @@ def test_help_has_an_example() -> None:
     for arguments in ((), ("bridge",), ("demo",), ("open",)):
         result = anaplot(*arguments, "--help")
         assert (result.returncode, result.stderr) == (0, "")
-        assert "example: anaplot" in result.stdout
+        assert "examples:\n  anaplot" in result.stdout
 
 
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ((), "COMMAND"),
         (("brigde",), "brigde"),
         (("bridge",), "BLOCK"),
         (("bridge", "x", "--jsn"), "--jsn"),

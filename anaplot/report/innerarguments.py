@@ -51,7 +51,7 @@ are not, has another scale than its unit, or has rows in the block already, noth
 exit codes: 1 with --fail-on-flag when a row is flagged or sigma0 exceeds its limit (n good rows:
 with the probability alpha (n + 1) at most, alpha of [test]), 2 bad input, 4 not computable
 
-example: anaplot inner fiducials.toml --points plates.csv --apply myblock
+
 """
 
 

@@ -5,17 +5,17 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import Any
 
-from anaplot.report.arguments import positive, whole
+from anaplot.report.arguments import add_output, positive, whole
+from anaplot.report.commandparser import Commands
 
 __all__ = ["add_plotter_commands"]
 
 
-def _plotter_list(_: argparse.Namespace) -> int:
-    from anaplot.report.plottercommand import list_instruments
+def _plotter_list(options: argparse.Namespace) -> int:
+    from anaplot.report.instrumentlist import list_instruments
 
-    return list_instruments(sys.stdout)
+    return list_instruments(options)
 
 
 def _plotter_check(options: argparse.Namespace) -> int:
@@ -75,33 +75,40 @@ def _fault(text: str) -> tuple[str, float]:
     return name, value
 
 
-def add_plotter_commands(commands: Any) -> None:
+def add_plotter_commands(commands: Commands) -> None:
     """Add `plotter` and its parts."""
-    plotter = commands.add_parser(
+    plotter = commands.add(
         "plotter",
-        help="list ports and profiles, check a profile, watch a line, run a simulated plotter",
+        None,
+        "list ports and profiles, check a profile, watch a line, run a simulated plotter",
+        "anaplot plotter list",
+        "anaplot plotter check anaplot-ascii",
         description="Instruments: ports, profiles, and a simulated plotter by itself.",
-        epilog="example: anaplot plotter check anaplot-ascii",
     )
-    parts = plotter.add_subparsers(dest="part", metavar="COMMAND", required=True)
-
-    listing = parts.add_parser(
-        "list", help="ports and device profiles", epilog="example: anaplot plotter list"
+    parts = Commands(plotter, "part")
+    listing = parts.add(
+        "list",
+        _plotter_list,
+        "ports and device profiles",
+        "anaplot plotter list",
+        "anaplot plotter list --csv profiles.csv",
     )
-    listing.set_defaults(run=_plotter_list)
-
-    check = parts.add_parser(
+    add_output(listing, "the profiles")
+    check = parts.add(
         "check",
-        help="read a profile and decode its examples",
-        epilog="example: anaplot plotter check ./my-counter.toml",
+        _plotter_check,
+        "read a profile and decode its examples",
+        "anaplot plotter check anaplot-ascii",
+        "anaplot plotter check ./my-counter.toml",
     )
     check.add_argument("profile", metavar="PROFILE", help="a name or a file")
-    check.set_defaults(run=_plotter_check)
 
-    watch = parts.add_parser(
+    watch = parts.add(
         "watch",
-        help="print what an instrument says",
-        epilog="example: anaplot plotter watch /dev/ttyUSB0 heidenhain-nd720",
+        _plotter_watch,
+        "print what an instrument says",
+        "anaplot plotter watch /dev/ttyUSB0 heidenhain-nd720",
+        "anaplot plotter watch left=/dev/ttyUSB0 right=/dev/ttyUSB1 heidenhain-nd281b --seconds 10",
     )
     watch.add_argument(
         "port", nargs="+", metavar="PORT", help="an address; LINK=ADDRESS for several cables"
@@ -109,14 +116,15 @@ def add_plotter_commands(commands: Any) -> None:
     watch.add_argument("profile", metavar="PROFILE", help="a name or a file")
     watch.add_argument("--seconds", type=positive, metavar="S", help="end after so long")
     watch.add_argument("--raw", action="store_true", help="print the bytes as well")
-    watch.set_defaults(run=_plotter_watch)
 
-    sim = parts.add_parser(
+    sim = parts.add(
         "sim",
-        help="run the simulated plotter by itself",
+        _plotter_sim,
+        "run the simulated plotter by itself",
+        "anaplot plotter sim anaplot-ascii --truth myblock --lay 101/102",
+        "anaplot plotter sim anaplot-ascii --tcp 4001 --fault drop=0.01",
         description="Runs the simulated plotter for a profile until interrupted; lines on standard "
         "input press its pedal, move its plates and plant faults (help lists them).",
-        epilog="example: anaplot plotter sim anaplot-ascii --truth myblock --lay 101/102",
     )
     sim.add_argument("profile", metavar="PROFILE", help="a name or a file")
     sim.add_argument(
@@ -155,4 +163,3 @@ def add_plotter_commands(commands: Any) -> None:
         "wrong-point POINT OTHER, swap POINT OTHER, transfer POINT DX_UM DY_UM, drift DY_UM; "
         "may be given again",
     )
-    sim.set_defaults(run=_plotter_sim)

@@ -1,4 +1,4 @@
-"""What stands behind ``anaplot plotter list``, ``check`` and ``watch``."""
+"""What stands behind ``anaplot plotter check`` and ``watch``."""
 
 from __future__ import annotations
 
@@ -8,53 +8,19 @@ import time
 from collections.abc import Iterable
 from typing import TextIO
 
-from anaplot.errors import AnaplotError, InputError
+from anaplot.errors import InputError
 from anaplot.plotter.examples import check_examples
 from anaplot.plotter.link import Link, LinkState
 from anaplot.plotter.ports import UNCHECKED, parse_ports
-from anaplot.plotter.profile import find_profiles, load_profile
+from anaplot.plotter.profile import load_profile
 from anaplot.plotter.readings import Fault, InPosition, Position, Reading, Record, Refused
-from anaplot.plotter.serialport import ports
 from anaplot.textfiles.wording import plain
 
-__all__ = ["check_profile", "describe", "describe_place", "list_instruments", "watch"]
+__all__ = ["check_profile", "describe", "describe_place", "watch"]
 
 _POSITION_PERIOD = 0.1
 _CROWDED = 200  # lines waiting, from which on positions and bytes are left out
 _FULL = 2000  # lines waiting, from which on the port is read no further
-
-
-def list_instruments(out: TextIO) -> int:
-    """Print the ports of this computer and the device profiles.
-
-    Parameters
-    ----------
-    out
-        Where to.
-
-    Returns
-    -------
-    int
-        Exit code: 0, or 2 when a profile cannot be read (its line says why).
-    """
-    code = 0
-    out.write("ports\n")
-    found = ports()
-    for info in found:
-        identity = f"  usb:{info.identity}" if info.identity else ""
-        out.write(f"  {plain(info.address, 120):20}  {info.description}{identity}\n")
-    if not found:
-        out.write("  none found; socket://host:port and rfc2217://host:port work as well\n")
-    out.write("profiles\n")
-    for name, path in find_profiles().items():
-        try:
-            profile = load_profile(path)
-        except AnaplotError as error:
-            out.write(f"  {name:20}  {error}\n")
-            code = 2
-            continue
-        out.write(f"  {name:20}  {profile.status:12}  {profile.title}\n")
-    return code
 
 
 def check_profile(name: str, out: TextIO) -> int:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
 from pathlib import Path
 
 from anaplot.report.adjustarguments import add_adjust_arguments
 from anaplot.report.arguments import whole
+from anaplot.report.commandparser import Commands
 
 __all__ = ["add_page_arguments", "add_report_arguments", "add_report_command"]
 
@@ -54,14 +54,15 @@ def add_report_arguments(parser: argparse.ArgumentParser) -> None:
     add_adjust_arguments(parser)
 
 
-def add_report_command(command: Callable[..., argparse.ArgumentParser]) -> None:
-    """Add the command `report` by what adds one: name, function, what it does, an example."""
+def add_report_command(commands: Commands) -> None:
+    """Add the command `report`."""
     add_report_arguments(
-        command(
+        commands.add(
             "report",
             _report,
             "the adjusted block as one page that stands by itself: verdict, figures, tables",
             "anaplot report myblock -o report.html",
+            "anaplot report myblock -o search.html --errors search --figures figures",
         )
     )
 

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import io
+import json
 import os
 import re
 import threading
@@ -8,6 +9,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from anaplot.cli import main
 from anaplot.errors import InputError, LinkError
 from anaplot.plotter import serialport
 from anaplot.plotter.device.hand import Hand
@@ -16,7 +18,7 @@ from anaplot.plotter.device.server import SimulatorServer
 from anaplot.plotter.ports import parse_ports
 from anaplot.plotter.profile import find_profiles, load_profile
 from anaplot.plotter.readings import Fault, InPosition, Position, Record, Refused
-from anaplot.report.plottercommand import check_profile, describe, list_instruments, watch
+from anaplot.report.plottercommand import check_profile, describe, watch
 from anaplot.report.simulatorcommand import grid_photographs, obey, run_simulator
 
 pytestmark = pytest.mark.usefixtures("nothing_left")
@@ -43,7 +45,7 @@ class Lines(io.StringIO):
             return found
 
 
-def test_list(monkeypatch, tmp_path):
+def test_list(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(
         serialport.list_ports,
         "comports",
@@ -60,18 +62,26 @@ def test_list(monkeypatch, tmp_path):
             ),
         ],
     )
-    out = io.StringIO()
-    assert list_instruments(out) == 0
-    text = out.getvalue()
-    assert "/dev/ttyUSB0          \\x1b[2Jadapter  usb:0403:6001:A1" in text
+    assert main(["plotter", "list", "--csv", str(tmp_path / "profiles.csv")]) == 0
+    text = capsys.readouterr().out
+    assert "/dev/ttyUSB0          0403:6001:A1  \\x1b[2Jadapter" in text
     assert "heidenhain-nd281b     from-manual" in text
+    lines = (tmp_path / "profiles.csv").read_text().splitlines()
+    assert lines[0] == "profile,status,title"
+    assert {line.split(",")[0] for line in lines[1:]} == find_profiles().keys()
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
     folder = tmp_path / "anaplot" / "device_profiles"
     folder.mkdir(parents=True)
     (folder / "broken.toml").write_text("schema = 1\nidd = 2\n")
-    out = io.StringIO()
-    assert list_instruments(out) == 2
-    assert "broken.toml line 2: idd: unknown key (did you mean 'id'?)" in out.getvalue()
+    wrong = "broken.toml line 2: idd: unknown key (did you mean 'id'?)"
+    assert main(["plotter", "list"]) == 2
+    assert wrong in capsys.readouterr().out
+    assert main(["plotter", "list", "--json"]) == 2
+    answer = json.loads(capsys.readouterr().out)
+    (one,) = answer["not_readable"]
+    assert one["profile"] == "broken"
+    assert wrong in one["error"]
+    assert {port["address"] for port in answer["ports"]} == {"/dev/ttyUSB0", "/dev/ttyS0"}
 
 
 def test_check(any_profile, tmp_path):

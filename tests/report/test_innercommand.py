@@ -281,9 +281,6 @@ def test_one_file_holds_the_fiducials_of_all_photos(make_file, capsys, tmp_path)
 def test_the_help_names_every_transformation_and_is_true(tmp_path):
     for name in TRANSFORMATIONS:
         assert name in INNER_HELP
-    parser = argparse.ArgumentParser("anaplot inner")
-    add_inner_arguments(parser)
-    assert "example: anaplot inner" in parser.format_help()
     # the example in the help is a file that is read
     lines = INNER_HELP.splitlines()
     start = lines.index("  format = 1")
