@@ -41,7 +41,6 @@ from anaplot.report.sessionarguments import (
 from anaplot.version import __version__
 
 if TYPE_CHECKING:
-    from anaplot.aliases import Progress
     from anaplot.session.state import SessionState
     from anaplot.station.station import Station
 
@@ -89,14 +88,10 @@ def _demo(options: argparse.Namespace) -> int:
 def _show(station: Station, folder: Path, keep: Callable[[], None] | None = None) -> int:
     """Show a station on a block folder; `keep` keeps a block that would be deleted."""
     from anaplot.console.app import run_console
+    from anaplot.console.reportwriting import reports_of
     from anaplot.simulation.controls import controls_of
 
-    def report(*, free: bool, progress: Progress) -> Path:
-        from anaplot.report.keptreport import keep_report
-
-        return keep_report(folder, datum="free" if free else "control", progress=progress).page
-
-    return run_console(station, controls=controls_of(station), keep=keep, report=report)
+    return run_console(station, controls=controls_of(station), keep=keep, report=reports_of(folder))
 
 
 def _open(options: argparse.Namespace) -> int:

@@ -13,7 +13,7 @@ from anaplot.aliases import Progress
 from anaplot.console.beside import Beside
 from anaplot.station.blockview import BlockView
 
-__all__ = ["ReportWriting", "WriteReport"]
+__all__ = ["ReportWriting", "WriteReport", "reports_of"]
 
 
 class WriteReport(Protocol):
@@ -21,6 +21,17 @@ class WriteReport(Protocol):
 
     def __call__(self, *, free: bool, progress: Progress) -> Path:
         """Write it; `free`: without control. What `progress` raises ends it."""
+
+
+def reports_of(folder: Path) -> WriteReport:
+    """Return what writes reports into a block's folder, and loads its mathematics when called."""
+
+    def write(*, free: bool, progress: Progress) -> Path:
+        from anaplot.report.keptreport import keep_report
+
+        return keep_report(folder, datum="free" if free else "control", progress=progress).page
+
+    return write
 
 
 class _LeftError(Exception):

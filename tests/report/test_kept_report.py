@@ -64,12 +64,23 @@ def test_the_name_of_anything_is_left_to_it(folder: Path) -> None:
     assert list(tables.iterdir()) == []
 
 
-def test_the_datum_is_that_of_the_call(folder: Path) -> None:
+def test_the_datum_is_that_of_the_call(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+
+    def noting(block: Path, **options: object) -> object:
+        asked.append(options["datum"])
+        return adjust(block)
+
+    monkeypatch.setattr("anaplot.report.keptreport.adjust", noting)
+    keep_report(folder, datum="free")
+    assert asked == ["free"]
+
+
+def test_a_block_that_cannot_be_adjusted_leaves_nothing(folder: Path) -> None:
     (folder / "control.csv").unlink()
     with pytest.raises(NotComputableError, match="no control"):
         keep_report(folder)
     assert not (folder / REPORTS).exists()
-    assert keep_report(folder, datum="free").page.exists()
 
 
 def test_what_progress_raises_ends_it_and_nothing_is_left(folder: Path) -> None:
