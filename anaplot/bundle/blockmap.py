@@ -11,7 +11,7 @@ from anaplot.aliases import Array, Bools
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.placeaccuracy import error_ellipses
 
-__all__ = ["BlockMap", "PointKind", "block_map"]
+__all__ = ["BlockMap", "PointKind", "block_map", "flagged_points", "mean_redundancy"]
 
 PointKind = Literal["tie", "control", "check"]
 
@@ -35,8 +35,8 @@ class BlockMap:
     kinds
         (n,) whether control.csv has them as control or as check points.
     r
-        (n,) the smallest redundancy number of the point's image coordinates that count; NaN where
-        none does.
+        (n,) mean redundancy number of the point's image coordinates that count; NaN where none
+        does.
     flagged
         (n,) whether the test rejects one of its image coordinates, or of its control coordinates.
     ellipses
@@ -62,9 +62,6 @@ def block_map(adjusted: AdjustedBlock) -> BlockMap:
     first = np.full(count, len(problem.block.image_points))
     np.minimum.at(first, problem.point, problem.source)
     order = np.argsort(first, kind="stable")
-    r = np.full(count, np.inf)
-    counting = np.where(adjusted.rejected, np.inf, adjusted.cofactors.r).min(axis=1)
-    np.minimum.at(r, problem.point, counting)
     at = {name: k for k, name in enumerate(problem.photos)}
     kinds = _kinds(adjusted)
     return BlockMap(
@@ -77,8 +74,8 @@ def block_map(adjusted: AdjustedBlock) -> BlockMap:
         points=tuple(problem.points[k] for k in order.tolist()),
         places=(state.points + state.origin)[order, :2],
         kinds=tuple(kinds.get(problem.points[k], "tie") for k in order.tolist()),
-        r=np.where(np.isfinite(r), r, np.nan)[order],
-        flagged=_flagged(adjusted)[order],
+        r=mean_redundancy(adjusted)[order],
+        flagged=flagged_points(adjusted)[order],
         ellipses=_ellipses(adjusted)[order],
     )
 
@@ -91,17 +88,28 @@ def _kinds(adjusted: AdjustedBlock) -> dict[str, PointKind]:
     return found
 
 
-def _flagged(adjusted: AdjustedBlock) -> Bools:
-    problem = adjusted.problem
-    flagged = np.zeros(len(problem.points), dtype=bool)
-    flagged[problem.point[adjusted.flagged.any(axis=1)]] = True
-    wrong = {row.key[1] for row in adjusted.control_rows() if row.flagged}
-    if wrong:
-        flagged |= [name in wrong for name in problem.points]
-    return flagged
-
-
 def _ellipses(adjusted: AdjustedBlock) -> Array:
     if adjusted.sigma is None:
         return np.full((len(adjusted.problem.points), 3), np.nan)
     return error_ellipses(adjusted.sigma**2 * adjusted.cofactors.points[:, :2, :2])
+
+
+def mean_redundancy(block: AdjustedBlock) -> Array:
+    """Return (p,) mean redundancy numbers of the image coordinates that count; NaN without any."""
+    problem = block.problem
+    counts = (~block.rejected).sum(axis=1)
+    n = len(problem.points)
+    total = np.bincount(problem.point, weights=block.cofactors.r.sum(axis=1), minlength=n)
+    rays = np.bincount(problem.point, weights=counts, minlength=n)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.where(rays > 0, total / rays, np.nan))
+
+
+def flagged_points(block: AdjustedBlock) -> Bools:
+    """Return (p,) which points have a flagged image or control coordinate."""
+    problem, tested, rows = block.problem, block.tested, block.observations
+    out = np.zeros(len(problem.points), dtype=bool)
+    out[problem.point[block.flagged.any(axis=1)]] = True
+    control = tested.flagged[rows.image : rows.starts[1]]
+    out[rows.ground[control, 1]] = True
+    return out

@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 
 __all__ = ["BlockLayer", "draw_block_map"]
 
-_WELL, _HARDLY = 0.5, 0.1  # redundancy numbers
+_GRADES = ((0.6, "●"), (0.3, "◐"), (0.1, "○"))  # redundancy numbers, as in the report
+_UNCHECKED = "?"
 _BAR_DOTS = 10
 _STEPS = 24  # of an ellipse
 _PATCH = (8, 3)  # cells: where points are many, one ellipse stands in each
@@ -42,14 +43,17 @@ class BlockLayer(IntEnum):
     PHOTO = 4
     NAME = 5
     WELL = 6
-    WEAK = 7
-    UNCHECKED = 8
-    KNOWN = 9
-    FLAGGED = 10
-    SELECTED = 11
+    FAIR = 7
+    WEAK = 8
+    UNCHECKED = 9
+    KNOWN = 10
+    FLAGGED = 11
+    SELECTED = 12
 
 
-_KNOWN = {"control": "▲", "check": "▽"}
+_TIES = (BlockLayer.WELL, BlockLayer.FAIR, BlockLayer.WEAK, BlockLayer.UNCHECKED)
+_SIGNS = (*(sign for _, sign in _GRADES), _UNCHECKED)
+_KNOWN = {"control": "▲", "check": "□"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,6 +129,11 @@ def _one_a_cell(order: Index, places: Array) -> list[int]:
     return kept
 
 
+def _grade(r: float) -> int:
+    """Return the place of a redundancy number among the grades; without one the last."""
+    return next((k for k, (least, _) in enumerate(_GRADES) if r >= least), len(_GRADES))
+
+
 def _layers(block: BlockMap, selected: str | None) -> list[BlockLayer]:
     layers = []
     for name, kind, r, flagged in zip(
@@ -136,10 +145,8 @@ def _layers(block: BlockMap, selected: str | None) -> list[BlockLayer]:
             layer = BlockLayer.FLAGGED
         elif kind != "tie":
             layer = BlockLayer.KNOWN
-        elif r >= _WELL:
-            layer = BlockLayer.WELL
-        else:  # also where there is none
-            layer = BlockLayer.WEAK if r >= _HARDLY else BlockLayer.UNCHECKED
+        else:
+            layer = _TIES[_grade(r)]
         layers.append(layer)
     return layers
 
@@ -149,8 +156,7 @@ def _sign(block: BlockMap, k: int) -> str:
         return "!"
     if block.kinds[k] != "tie":
         return _KNOWN[block.kinds[k]]
-    r = block.r[k]
-    return "●" if r >= _WELL else "○" if r >= _HARDLY else "?"
+    return _SIGNS[_grade(float(block.r[k]))]
 
 
 def _cell(place: Array) -> tuple[int, int]:
@@ -261,7 +267,8 @@ def _write_legend(
         if patches:
             parts.append("the largest of each patch")
     _write_parts(canvas, canvas.rows - 2, parts)
-    signs = ["● r≥.5", "○ r<.5", "? r<.1", "! flagged"]
+    grades = [f"{sign} {'≥' if k else 'r≥'}{least:g}" for k, (least, sign) in enumerate(_GRADES)]
+    signs = [*grades, f"{_UNCHECKED} less", "! flagged"]
     signs += [f"{sign} {kind}" for kind, sign in _KNOWN.items() if kind in block.kinds]
     signs.append("+ photo")
     beyond = len(block.points) - int(seen.near.sum())

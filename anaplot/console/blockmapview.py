@@ -33,7 +33,8 @@ class BlockMapView(CanvasWidget):
         .map--photo { color: $text-muted; text-style: bold; }
         .map--name { color: $text-muted; }
         .map--well { color: $text-success; }
-        .map--weak { color: $foreground; }
+        .map--fair { color: $foreground; }
+        .map--weak { color: $text-warning; }
         .map--unchecked { color: $text-warning; text-style: bold; }
         .map--known { color: $text-accent; text-style: bold; }
         .map--flagged { color: $text-error; text-style: bold; }

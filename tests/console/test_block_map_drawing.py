@@ -43,7 +43,8 @@ def at(canvas, sign: str) -> list[tuple[int, int]]:
 
 
 def test_signs_say_how_well_points_are_checked() -> None:
-    block = made(SQUARE, r=(0.5, 0.49, 0.09, np.nan), names="abcd")
+    assert len(at(draw_block_map(made(SQUARE, r=0.59), 60, 24), "◐")) == 4
+    block = made(SQUARE, r=(0.6, 0.29, 0.09, np.nan), names="abcd")
     canvas = draw_block_map(block, 60, 24)
     (good,), (weak,) = at(canvas, "●"), at(canvas, "○")
     unchecked = at(canvas, "?")
@@ -59,9 +60,9 @@ def test_signs_say_how_well_points_are_checked() -> None:
 def test_control_and_flags_are_told_apart_without_colour() -> None:
     block = made(SQUARE, kinds=("control", "check", "tie", "control"), flagged=(2, 3))
     canvas = draw_block_map(block, 72, 24)
-    assert [len(at(canvas, sign)) for sign in "▲▽!●"] == [1, 1, 2, 0]
+    assert [len(at(canvas, sign)) for sign in "▲□!●"] == [1, 1, 2, 0]
     legend = canvas.text().splitlines()[-1]
-    assert all(words in legend for words in ("! flagged", "▲ control", "▽ check", "+ photo"))
+    assert all(words in legend for words in ("! flagged", "▲ control", "□ check", "+ photo"))
     assert "check" not in draw_block_map(made(SQUARE), 60, 24).text()
 
 

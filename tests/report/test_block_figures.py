@@ -11,6 +11,7 @@ from svgs import SVG, paths, runs, sound, texts
 
 from anaplot.adjustment.testdistribution import TestDistribution
 from anaplot.bundle.adjust import adjust_block
+from anaplot.bundle.blockmap import flagged_points, mean_redundancy
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.photogrammetry.block import ImagePoint, TestSettings
 from anaplot.planning.syntheticblock import synthetic_block
@@ -22,7 +23,6 @@ from anaplot.report.figures.pointmaps import (
     effect_map,
     redundancy_map,
 )
-from anaplot.report.figures.pointvalues import flagged_points, mean_redundancy
 from anaplot.report.figures.residuals import photo_residuals, residual_pattern
 from anaplot.report.figures.testvalues import (
     histogram_of_w,

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from anaplot.aliases import Array, Bools, Index
+from anaplot.bundle.blockmap import flagged_points, mean_redundancy
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.drawing.classes import Classes, draw_classes
 from anaplot.drawing.drawing import Drawing
@@ -18,7 +19,6 @@ from anaplot.drawing.thinning import thinned
 from anaplot.drawing.ticks import round_down, written
 from anaplot.report.columns import counted
 from anaplot.report.figures.groundview import GroundView, ground_view
-from anaplot.report.figures.pointvalues import flagged_points, mean_redundancy
 
 __all__ = ["CONTROL_SHAPES", "block_map", "draw_control"]
 

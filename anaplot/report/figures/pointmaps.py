@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from anaplot.aliases import Array
+from anaplot.bundle.blockmap import mean_redundancy
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.drawing.classes import classes_of, draw_classes
 from anaplot.drawing.drawing import Drawing
@@ -19,7 +20,6 @@ from anaplot.report.figures.imageunits import image_units
 from anaplot.report.figures.pointvalues import (
     largest_detectable,
     largest_effect,
-    mean_redundancy,
     point_deviations,
 )
 

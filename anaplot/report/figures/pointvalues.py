@@ -4,37 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from anaplot.aliases import Array, Bools
+from anaplot.aliases import Array
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 
 __all__ = [
-    "flagged_points",
     "largest_detectable",
     "largest_effect",
-    "mean_redundancy",
     "point_deviations",
 ]
-
-
-def mean_redundancy(block: AdjustedBlock) -> Array:
-    """Return (p,) mean redundancy numbers of the image coordinates that count; NaN without any."""
-    problem = block.problem
-    counts = (~block.rejected).sum(axis=1)
-    n = len(problem.points)
-    total = np.bincount(problem.point, weights=block.cofactors.r.sum(axis=1), minlength=n)
-    rays = np.bincount(problem.point, weights=counts, minlength=n)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(np.where(rays > 0, total / rays, np.nan))
-
-
-def flagged_points(block: AdjustedBlock) -> Bools:
-    """Return (p,) which points have a flagged image or control coordinate."""
-    problem, tested, rows = block.problem, block.tested, block.observations
-    out = np.zeros(len(problem.points), dtype=bool)
-    out[problem.point[block.flagged.any(axis=1)]] = True
-    control = tested.flagged[rows.image : rows.starts[1]]
-    out[rows.ground[control, 1]] = True
-    return out
 
 
 def point_deviations(block: AdjustedBlock) -> Array | None:
