@@ -11,6 +11,9 @@ from anaplot.exchange.formats.dbatwriter import write_dbat
 from anaplot.exchange.formats.door import Exported, Exporting, Imported, ImportOptions, Note
 from anaplot.exchange.formats.gathered import check_with, head_of
 from anaplot.exchange.formats.pixeltables import (
+    CONTROL_COLUMNS,
+    IMAGE_COLUMNS,
+    NAME_COLUMNS,
     PixelRow,
     pixel_block,
     read_control_table,
@@ -104,11 +107,10 @@ def _of_files(source: Path, options: ImportOptions) -> Script:
         path = options.files.get(word)
         return [] if path is None else [Table(path, columns, None, None, frozenset())]
 
-    image = ("id", "im", "x", "y", "sxy")
-    ground = ("id", "label", "x", "y", "z", "sx", "sy", "sz")
-    images = [Table(source, image, None, None, frozenset()), *tables("more", image)]
-    control, check = tables("control", ground), tables("check", ground)
-    return Script(images, control, check, tables("images", ("id", "path")), None)
+    images = [Table(source, IMAGE_COLUMNS, None, None, frozenset())]
+    images += tables("more", IMAGE_COLUMNS)
+    control, check = tables("control", CONTROL_COLUMNS), tables("check", CONTROL_COLUMNS)
+    return Script(images, control, check, tables("images", NAME_COLUMNS), None)
 
 
 def _rows(tables: Iterable[Table]) -> Iterator[PixelRow]:

@@ -7,14 +7,12 @@ from typing import NamedTuple
 
 from anaplot.errors import InputError
 from anaplot.exchange.camerafile import MAX_PIXELS, camera_path
+from anaplot.exchange.formats.pixeltables import CONTROL_COLUMNS, IMAGE_COLUMNS, NAME_COLUMNS
 from anaplot.exchange.formats.xmlstream import Element, elements
 from anaplot.photogrammetry.block import Camera, in_pixels
 from anaplot.textfiles.wording import place, plain, quoted
 
 __all__ = ["Script", "Table", "read_script"]
-
-_IMAGE = ("id", "im", "x", "y", "sxy")
-_CONTROL = ("id", "label", "x", "y", "z", "sx", "sy", "sz")
 
 
 class Table(NamedTuple):
@@ -71,10 +69,10 @@ def read_script(path: Path, *, camera: bool) -> Script:
     made = {
         name: _tables(found.child(name), path.parent, columns)
         for name, columns in (
-            ("image_pts", _IMAGE),
-            ("ctrl_pts", _CONTROL),
-            ("check_pts", _CONTROL),
-            ("images", ("id", "path")),
+            ("image_pts", IMAGE_COLUMNS),
+            ("ctrl_pts", CONTROL_COLUMNS),
+            ("check_pts", CONTROL_COLUMNS),
+            ("images", NAME_COLUMNS),
         )
     }
     if not made["image_pts"]:

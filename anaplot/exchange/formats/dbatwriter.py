@@ -8,6 +8,7 @@ from anaplot.errors import InputError
 from anaplot.exchange.formats.door import Exported, Exporting, Note
 from anaplot.exchange.formats.gathered import not_held, rays_that_count
 from anaplot.exchange.formats.measuredrays import measured_places
+from anaplot.exchange.formats.pixeltables import CONTROL_COLUMNS, IMAGE_COLUMNS, NAME_COLUMNS
 from anaplot.exchange.formats.xmlstream import xml_text
 from anaplot.photogrammetry.block import Block, Camera
 from anaplot.textfiles.wholefile import create_folder
@@ -49,7 +50,7 @@ def write_dbat(exporting: Exporting, target: Path) -> Exported:
     for use in ("control", "check"):
         rows = _control(block, use)
         if rows:
-            made[f"{use}.txt"] = ["# id, label, x, y, z, sx, sy, sz", *rows]
+            made[f"{use}.txt"] = [f"# {', '.join(CONTROL_COLUMNS)}", *rows]
     made[f"{target.name}.xml"] = _script(block, camera, list(made))
     files = ((name, ("\n".join(content) + "\n").encode()) for name, content in made.items())
     return Exported(create_folder(target, files), tuple(notes))
@@ -97,21 +98,20 @@ def _script(block: Block, camera: Camera, files: list[str]) -> list[str]:
     mm = camera.pixel_mm
     px, py = camera.principal_px or (width / 2.0, height / 2.0)
 
-    def table(element: str, file: str, columns: str) -> list[str]:
+    def table(element: str, file: str, columns: tuple[str, ...]) -> list[str]:
         if file not in files:
             return []
-        return [f'    <{element}><file format="{columns}">{file}</file></{element}>']
+        return [f'    <{element}><file format="{",".join(columns)}">{file}</file></{element}>']
 
-    ground = "id,label,x,y,z,sx,sy,sz"
     return [
         '<?xml version="1.0" encoding="UTF-8"?>',
         '<document dbat_script_version="1.0">',
         f"  <meta><name>{xml_text(block.name)}</name></meta>",
         '  <input base_dir="$HERE">',
-        *table("ctrl_pts", "control.txt", ground),
-        *table("check_pts", "check.txt", ground),
-        *table("images", "images.txt", "id,path"),
-        *table("image_pts", "imagepts.txt", "id,im,x,y,sxy"),
+        *table("ctrl_pts", "control.txt", CONTROL_COLUMNS),
+        *table("check_pts", "check.txt", CONTROL_COLUMNS),
+        *table("images", "images.txt", NAME_COLUMNS),
+        *table("image_pts", "imagepts.txt", IMAGE_COLUMNS),
         "    <cameras>",
         "      <camera>",
         f"        <name>{xml_text(camera.id)}</name>",

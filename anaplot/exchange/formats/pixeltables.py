@@ -27,7 +27,9 @@ from anaplot.photogrammetry.block import (
 from anaplot.textfiles.wording import place, quoted
 
 __all__ = [
+    "CONTROL_COLUMNS",
     "IMAGE_COLUMNS",
+    "NAME_COLUMNS",
     "ORIGINS",
     "PixelRow",
     "comma_rows",
@@ -43,6 +45,7 @@ ORIGINS = {"centre-1": 0.5, "centre-0": -0.5, "corner": 0.0}
 
 IMAGE_COLUMNS = ("id", "im", "x", "y", "sxy")
 CONTROL_COLUMNS = ("id", "label", "x", "y", "z", "sx", "sy", "sz")
+NAME_COLUMNS = ("id", "path")
 
 
 class PixelRow(NamedTuple):
@@ -103,7 +106,7 @@ def read_image_names(path: Path) -> dict[str, str]:
     """Return the file names of images by their numbers; whole paths where names are not unique."""
     paths: dict[str, str] = {}
     for line, fields in comma_rows(path):
-        found = _named(line, fields, ("id", "path"), ("id", "path"))
+        found = _named(line, fields, NAME_COLUMNS, NAME_COLUMNS)
         number, name = line.name_of(found["id"], "image"), line.name_of(found["path"], "image")
         if paths.setdefault(number, name) != name:
             raise line.fail(f"image {quoted(number)} twice")
