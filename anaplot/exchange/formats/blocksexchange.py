@@ -19,7 +19,13 @@ from anaplot.exchange.formats.blocksexchangemodel import (
     rotation_of,
 )
 from anaplot.exchange.formats.blocksexchangewriter import written
-from anaplot.exchange.formats.crs import DEGREES, CoordinateSystem, GroundFrame, crs_text
+from anaplot.exchange.formats.crs import (
+    DEGREES,
+    CoordinateSystem,
+    GroundFrame,
+    crs_text,
+    frame_around,
+)
 from anaplot.exchange.formats.door import Exported, Exporting, Imported, ImportOptions, Note
 from anaplot.exchange.formats.measuredrays import MeasuredRay, image_points_of
 from anaplot.exchange.formats.sourcelines import SourceLine
@@ -275,10 +281,8 @@ def _ground(
     ]
     if not places:
         raise InputError(f"coordinate system {quoted(text)}, and no position in it")
-    middle = theirs.degrees(np.median(np.array(places), axis=0)[None])[0].tolist()
-    origin = round(middle[0], 5), round(middle[1], 5), round(middle[2])
-    system = GroundSystem(theirs.text, "local", origin)
-    return system, GroundFrame(system, theirs)
+    frame = frame_around(theirs, np.array(places))
+    return frame.system, frame
 
 
 def _centres(photos: Iterable[tuple[str, Group, Element]]) -> Iterable[Element | None]:

@@ -27,7 +27,7 @@ from anaplot.photogrammetry.groundsystem import (
 )
 from anaplot.textfiles.wording import plain, quoted, reason
 
-__all__ = ["DEGREES", "CoordinateSystem", "GroundFrame", "crs_text", "local_system"]
+__all__ = ["DEGREES", "CoordinateSystem", "GroundFrame", "crs_text", "frame_around", "local_system"]
 
 DEGREES = "EPSG:4326"
 
@@ -269,6 +269,19 @@ def local_system(text: str, degrees: tuple[float, float, float]) -> GroundSystem
     theirs = CoordinateSystem.of(text)
     x, y, z = theirs.shifted(np.array([degrees], dtype=float), to_wgs84=False)[0].tolist()
     return GroundSystem(theirs.text, "local", (x, y, z))
+
+
+def frame_around(theirs: CoordinateSystem, xyz: Array) -> GroundFrame:
+    """Return the local frame in the middle of (n, 3) coordinates in a system, at round numbers.
+
+    Raises
+    ------
+    InputError
+        They are no places in it.
+    """
+    east, north, up = theirs.degrees(np.median(xyz, axis=0)[None])[0].tolist()
+    origin = round(east, 5), round(north, 5), float(round(up))
+    return GroundFrame(GroundSystem(theirs.text, "local", origin), theirs)
 
 
 @lru_cache(maxsize=16)

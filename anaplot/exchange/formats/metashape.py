@@ -12,7 +12,7 @@ import numpy as np
 from anaplot.aliases import Array
 from anaplot.errors import InputError
 from anaplot.exchange.formats.colmapcamera import canvas
-from anaplot.exchange.formats.crs import CoordinateSystem, GroundFrame, crs_text
+from anaplot.exchange.formats.crs import CoordinateSystem, GroundFrame, crs_text, frame_around
 from anaplot.exchange.formats.door import (
     SOURCE,
     Exported,
@@ -42,12 +42,14 @@ from anaplot.photogrammetry.block import (
     Block,
     Camera,
     ControlPoint,
+    ControlUse,
     Photo,
     Precision,
     TestSettings,
+    Use,
     in_pixels,
 )
-from anaplot.photogrammetry.groundsystem import GroundSystem, LocalFrame
+from anaplot.photogrammetry.groundsystem import LocalFrame
 from anaplot.photogrammetry.rotation import rotation_angles
 from anaplot.textfiles.names import name_fault
 from anaplot.textfiles.wholefile import create_whole
@@ -117,7 +119,7 @@ def read(source: Path, options: ImportOptions) -> Imported:
     found = _gathered(source)
     settings = _settings(found)
     sensors = _sensors(found)
-    system, frame, ground_notes = _ground(found, options)
+    frame, ground_notes = _ground(found, options)
     used = {at.attribute("camera_id") for one in found.measured for at in _locations(one)}
     stray = next((one for one in used if one not in found.photos), None)
     if stray is not None:
@@ -126,7 +128,7 @@ def read(source: Path, options: ImportOptions) -> Imported:
     sigma = options.sigma_px or settings.get("accuracy_projections") or 1.0
     cameras, rays, said = _pinholes(rays, sensor_of_photo, sigma)
     control = _control(found, frame)
-    photos, told = _photos(found, sensor_of_photo, used, system, frame, grounded=bool(control))
+    photos, told = _photos(found, sensor_of_photo, used, frame, grounded=bool(control))
     camera_of = {name: cameras[sensor.camera.id] for name, sensor in sensor_of_photo.items()}
     points, lost = image_points_of(rays, camera_of, pixels=True)
     kinds = {camera.id: camera for camera in camera_of.values()}
@@ -152,7 +154,7 @@ def read(source: Path, options: ImportOptions) -> Imported:
         points,
         control,
         in_pixels=True,
-        ground=system,
+        ground=None if frame is None else frame.system,
     )
     comments = (f"Markers of the Metashape file {source.name}.",)
     every = (*ground_notes, *notes, *said, *told, *lost)
@@ -228,10 +230,8 @@ def _sensors(found: _Found) -> dict[str, Sensor]:
     return out
 
 
-def _ground(
-    found: _Found, options: ImportOptions
-) -> tuple[GroundSystem | None, GroundFrame | None, list[Note]]:
-    """Return the block's system and the way there; None where coordinates are local."""
+def _ground(found: _Found, options: ImportOptions) -> tuple[GroundFrame | None, list[Note]]:
+    """Return the way to the block's system; None where coordinates are local."""
     places = [xyz for one in found.markers if (xyz := _reference(one)) is not None]
     places = places or [xyz for one in found.cameras if (xyz := _reference(one)) is not None]
     stated = options.crs
@@ -243,20 +243,16 @@ def _ground(
                 f"coordinate system {quoted(text.strip())}: --crs EPSG:25832 says what it is"
             )
     if not stated or not places:
-        return None, None, []
+        return None, []
     theirs = CoordinateSystem.of(crs_text(stated))
-    middle = theirs.degrees(np.median(np.array(places), axis=0)[None])[0].tolist()
-    origin = round(middle[0], 5), round(middle[1], 5), float(round(middle[2]))
-    system = GroundSystem(theirs.text, "local", origin)
-    text = (
-        f"coordinates of {theirs.text} are east, north, up at "
-        f"{origin[0]:.10g}, {origin[1]:.10g}, {origin[2]:g}"
-    )
+    frame = frame_around(theirs, np.array(places))
+    east, north, up = frame.system.origin
+    text = f"coordinates of {theirs.text} are east, north, up at {east:.10g}, {north:.10g}, {up:g}"
     notes = [Note("changed", None, text)]
     if theirs.sea:
         text = f"heights of {theirs.sea} are kept as they are: the geoid stays in Z"
         notes.append(Note("assumed", None, text))
-    return system, GroundFrame(system, theirs), notes
+    return frame, notes
 
 
 def _reference(one: Element) -> tuple[float, float, float] | None:
@@ -297,11 +293,8 @@ def _control(found: _Found, frame: GroundFrame | None) -> tuple[ControlPoint, ..
         if frame is not None:
             x, y, z = frame.into_block(np.array([xyz]))[0].tolist()
             xyz = x, y, z
-        use = "control" if _enabled(one.child("reference")) else "check"
-        name = found.points[one.attribute("id")]
-        made.append(
-            ControlPoint(name, xyz, _sigma(one), "control" if use == "control" else "check")
-        )
+        use: ControlUse = "control" if _enabled(one.child("reference")) else "check"
+        made.append(ControlPoint(found.points[one.attribute("id")], xyz, _sigma(one), use))
     return tuple(made)
 
 
@@ -330,15 +323,9 @@ def _rays(
                 why = _NOT_VALID
             if why is not None:
                 off[why] = off.get(why, 0) + 1
-            use = "xy" if why is None else "off"
-            rays.append(
-                MeasuredRay(
-                    found.photos[number], name, x, y, None, "off" if use == "off" else "xy", why
-                )
-            )
-    notes = [
-        Note("changed", count, f"rays do not count: {why}") for why, count in off.items() if count
-    ]
+            use: Use = "xy" if why is None else "off"
+            rays.append(MeasuredRay(found.photos[number], name, x, y, None, use, why))
+    notes = [Note("changed", count, f"rays do not count: {why}") for why, count in off.items()]
     return rays, sensor_of_photo, notes
 
 
@@ -349,11 +336,14 @@ def _pinholes(
     cameras = {sensor.camera.id: sensor.camera for sensor in sensor_of_photo.values()}
     out = list(rays)
     notes = []
+    by_sensor: dict[str, list[int]] = {}
+    for k, ray in enumerate(rays):
+        by_sensor.setdefault(sensor_of_photo[ray.photo].camera.id, []).append(k)
     for sensor in {one.camera.id: one for one in sensor_of_photo.values()}.values():
         if not sensor.radial:
             continue
         camera = sensor.camera
-        mine = [k for k, r in enumerate(rays) if sensor_of_photo[r.photo].camera.id == camera.id]
+        mine = by_sensor[camera.id]
         assert camera.pixels is not None
         assert camera.principal_px is not None
         seen, larger = sensor.pinhole(np.array([(rays[k].x, rays[k].y) for k in mine]))
@@ -382,7 +372,6 @@ def _photos(
     found: _Found,
     sensor_of_photo: Mapping[str, Sensor],
     used: set[str],
-    system: GroundSystem | None,
     frame: GroundFrame | None,
     *,
     grounded: bool,
@@ -407,11 +396,11 @@ def _photos(
         elif into is None and grounded:
             adrift += 1
         else:
-            centre, rotation = _world(matrix_of(pose), into, system, frame)
+            centre, rotation = _world(matrix_of(pose), into, frame)
             x, y, z = centre.tolist()
             photo = replace(photo, position=(x, y, z), rotation=rotation_angles(rotation))
         stated, sigma = _reference(one), _sigma(one)
-        if stated is not None and _enabled(one.child("reference")) and (frame or not system):
+        if stated is not None and _enabled(one.child("reference")):
             sx, sy, sz = sigma
             if sx and sy and sz:
                 inside = np.array([stated])
@@ -434,7 +423,6 @@ def _photos(
 def _world(
     pose: tuple[Array, Array],
     into: Similarity | None,
-    system: GroundSystem | None,
     frame: GroundFrame | None,
 ) -> tuple[Array, Array]:
     """Return a projection centre and rotation in the block's system."""
@@ -442,9 +430,9 @@ def _world(
     if into is not None:
         rotation = into.rotation @ rotation
         centre = into.scale * into.rotation @ centre + into.translation
-    if system is None or frame is None:
+    if frame is None:
         return centre, rotation
-    local = LocalFrame.at(*system.origin, frame.theirs.ellipsoid)
+    local = LocalFrame.at(*frame.system.origin, frame.theirs.ellipsoid)
     return local.local(centre[None])[0], local.axes @ rotation
 
 
