@@ -217,6 +217,7 @@ def _sensors(found: _Found) -> dict[str, Sensor]:
     """Return sensors by their ids, those that a camera names."""
     used = {one.attribute("sensor_id") for one in found.cameras}
     out: dict[str, Sensor] = {}
+    taken: set[str] = set()
     for one in found.sensors:
         number = one.attribute("id")
         if number in out:
@@ -224,8 +225,11 @@ def _sensors(found: _Found) -> dict[str, Sensor]:
         if number not in used:
             continue
         name = one.at.name_of(one.attributes.get("label") or f"sensor {number}", "sensor")
-        if name in {sensor.camera.id for sensor in out.values()}:
+        if name in taken:
             name = one.at.name_of(f"{name} ({number})", "sensor")
+        if name in taken:
+            raise one.at.fail(f"sensor {quoted(name)} stands twice")
+        taken.add(name)
         out[number] = sensor_of(one, name)
     return out
 

@@ -89,6 +89,26 @@ def test_a_k4_is_taken_off_and_said(tmp_path: Path) -> None:
         np.testing.assert_allclose((row.x, row.y), camera.c * np.array((x / z, -y / z)), atol=1e-9)
 
 
+def test_sensors_of_one_label_stay_two_cameras(tmp_path: Path, scene: TiltedBlock) -> None:
+    text = camera_file(scene, tmp_path / "c.xml").read_text()
+    start, end = text.index("<sensor id="), text.index("</sensors>")
+    one = text[start:end]
+    other = one.replace('id="0"', 'id="1"').replace(f"<f>{FY}</f>", f"<f>{FY + 7.0}</f>")
+    text = text.replace('camera id="1" sensor_id="0"', 'camera id="1" sensor_id="1"')
+    two = tmp_path / "two.xml"
+    two.write_text(text[:start] + one + other + text[end:])
+    block = metashape.read(two, PLAIN).block
+    assert [camera.id for camera in block.cameras] == ["FC", "FC (1)"]
+    assert block.cameras[1].c - block.cameras[0].c == pytest.approx(7.0 * 0.0025)
+    assert block.camera_of(scene.names[1]).id == "FC (1)"
+    # what the second would be called is taken: its camera would be that of a third
+    third = one.replace('id="0"', 'id="2"').replace('"FC"', '"FC (1)"')
+    text = text.replace('camera id="2" sensor_id="0"', 'camera id="2" sensor_id="2"')
+    two.write_text(text[:start] + one + third + other + text[end:])
+    with pytest.raises(InputError, match=r"sensor 'FC \(1\)' stands twice"):
+        metashape.read(two, PLAIN)
+
+
 def test_what_is_off_is_left_out_of_the_file_and_nothing_else(
     tmp_path: Path, scene: TiltedBlock, capsys: pytest.CaptureFixture[str]
 ) -> None:
