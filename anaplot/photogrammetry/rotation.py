@@ -11,6 +11,7 @@ from anaplot.aliases import Array
 __all__ = [
     "angle_derivatives",
     "axis_angle",
+    "is_rotation",
     "rotation_angles",
     "rotation_axes",
     "rotation_matrix",
@@ -49,6 +50,21 @@ def rotation_angles(rotation: Array) -> tuple[float, float, float]:
     if cos_phi < 1e-12:
         return 0.0, phi, _wrapped(atan2(r10, r11))
     return _wrapped(atan2(-r12, r22)), phi, _wrapped(atan2(-r01, r00))
+
+
+def is_rotation(matrix: Array, within: float = 1e-3) -> bool:
+    """Return whether a (3, 3) matrix of any numbers is a rotation.
+
+    Parameters
+    ----------
+    matrix
+        The matrix.
+    within
+        What elements of its product with its transpose may be off.
+    """
+    with np.errstate(all="ignore"):
+        off = float(np.abs(matrix @ matrix.T - np.eye(3)).max())
+        return off <= within and bool(np.linalg.det(matrix) > 0.0)
 
 
 def _wrapped(angle: float) -> float:

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from anaplot.photogrammetry.rotation import (
     angle_derivatives,
     axis_angle,
+    is_rotation,
     rotation_angles,
     rotation_axes,
     rotation_matrix,
@@ -115,3 +116,18 @@ def test_a_rotation_has_its_vector(x: float, y: float, z: float, angle: float) -
     assert np.abs(np.subtract(found, vector)).max() < 2e-11
     half_turn = axis_angle(np.diag([-1.0, 1.0, -1.0]))
     assert half_turn == (0.0, pi, 0.0)
+
+
+@given(angles, st.integers(0, 2), st.sampled_from([0.0, 1e-9, 0.1, -1.0, 1e200, float("nan")]))
+def test_what_is_a_rotation(a, column, size):
+    matrix = rotation_matrix(*a)
+    assert is_rotation(matrix)
+    assert is_rotation(matrix, 1e-15 * 10)
+    matrix[:, column] *= size
+    assert not is_rotation(matrix)  # flat, mirrored, squeezed, or no numbers
+
+
+def test_a_rotation_is_one_within_bounds():
+    matrix = np.diag((1.0, 1.0, 1.0 + 1e-4))
+    assert is_rotation(matrix)
+    assert not is_rotation(matrix, 1e-4)

@@ -25,7 +25,7 @@ from anaplot.exchange.formats.sourcelines import SourceLine
 from anaplot.exchange.formats.xmlstream import Element
 from anaplot.photogrammetry.block import Camera, in_pixels
 from anaplot.photogrammetry.camera import BrownLens
-from anaplot.photogrammetry.rotation import rotation_angles, rotation_matrix
+from anaplot.photogrammetry.rotation import is_rotation, rotation_angles, rotation_matrix
 from anaplot.textfiles.wording import quoted
 
 __all__ = ["HALF", "ORIENTATIONS", "Group", "Place", "group_of", "position_of", "rotation_of"]
@@ -190,10 +190,7 @@ def rotation_of(pose: Element, axes: Array) -> tuple[float, float, float] | None
         return None
     if found.child("M_00") is not None:
         matrix = np.array([[found.needed_number(f"M_{i}{j}") for j in range(3)] for i in range(3)])
-        with np.errstate(all="ignore"):
-            off = np.abs(matrix @ matrix.T - np.eye(3)).max()
-            turned = np.linalg.det(matrix) > 0.0
-        if not (off < 1e-3 and turned):
+        if not is_rotation(matrix):
             raise found.at.fail("the matrix is no rotation")
     elif found.child("Omega") is not None:
         angles = [radians(found.needed_number(key)) for key in ("Omega", "Phi", "Kappa")]

@@ -28,6 +28,7 @@ from anaplot.exchange.formats.colmapcamera import (
 from anaplot.exchange.formats.xmlstream import Element
 from anaplot.photogrammetry.block import Camera, in_pixels
 from anaplot.photogrammetry.camera import BrownLens
+from anaplot.photogrammetry.rotation import is_rotation
 from anaplot.textfiles.wording import quoted
 
 __all__ = ["Sensor", "Similarity", "matrix_of", "sensor_of", "similarity_of", "system_of"]
@@ -155,7 +156,8 @@ def matrix_of(found: Element) -> tuple[Array, Array]:
     """
     cells = _numbers(found, 16).reshape(4, 4)
     rotation = cells[:3, :3]
-    _check_rotation(found, rotation)
+    if not is_rotation(rotation):
+        raise found.at.fail("the matrix is no rotation")
     if not np.array_equal(cells[3], (0.0, 0.0, 0.0, 1.0)):
         raise found.at.fail("the transform's last row is not 0 0 0 1")
     return rotation @ _TURN, cells[:3, 3]
@@ -173,7 +175,8 @@ def similarity_of(found: Element | None) -> Similarity | None:
             raise found.at.fail(f"the transform has no {key}")
         numbers[key] = _numbers(part, count)
     rotation = numbers["rotation"].reshape(3, 3)
-    _check_rotation(found, rotation)
+    if not is_rotation(rotation):
+        raise found.at.fail("the matrix is no rotation")
     scale = float(numbers["scale"][0])
     if not 1e-12 < scale < 1e12:
         raise found.at.fail(f"a scale of {scale:g}")
@@ -185,14 +188,6 @@ def _numbers(found: Element, count: int) -> Array:
     if len(words) != count:
         raise found.at.fail(f"<{found.name}> has {len(words)} numbers, not {count}")
     return np.array(found.at.numbers_of(words, found.name))
-
-
-def _check_rotation(found: Element, matrix: Array) -> None:
-    with np.errstate(all="ignore"):
-        off = np.abs(matrix @ matrix.T - np.eye(3)).max()
-        turned = np.linalg.det(matrix) > 0.0
-    if not (off < 1e-3 and turned):
-        raise found.at.fail("the matrix is no rotation")
 
 
 def system_of(text: str) -> str | None:

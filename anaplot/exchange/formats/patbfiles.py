@@ -17,7 +17,7 @@ from anaplot.aliases import Array
 from anaplot.errors import InputError
 from anaplot.exchange.formats.gathered import MAX_TABLE_BYTES, fields_of, number
 from anaplot.exchange.formats.sourcelines import SourceLine, source_lines
-from anaplot.photogrammetry.rotation import rotation_angles
+from anaplot.photogrammetry.rotation import is_rotation, rotation_angles
 from anaplot.textfiles.wording import place, quoted
 
 __all__ = [
@@ -234,8 +234,7 @@ def read_orientations(path: Path, order: str | None) -> tuple[list[Orientation],
         x, y, z = (number(first, text, "a coordinate") for text in texts)
         elements = _numbers(second, 5) + _numbers(third, 4)
         matrix = np.array(elements).reshape(3, 3)
-        off = float(np.abs(matrix @ matrix.T - np.eye(3)).max())
-        if not off <= _ORTHONORMAL or np.linalg.det(matrix) < 0.0:
+        if not is_rotation(matrix, _ORTHONORMAL):
             raise second.fail(f"the matrix of photo {quoted(photo)} is no rotation")
         u, _, vt = np.linalg.svd(matrix)
         turned: Array = u @ vt

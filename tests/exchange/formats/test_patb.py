@@ -249,6 +249,10 @@ def test_an_orientation_stands_in_its_columns(tmp_path: Path) -> None:
         (lines[:3], "a photo has three records"),
         ([*lines, *lines[1:]], "twice"),
         ([lines[0], lines[1], lines[2].replace("-1.0", " 1.0"), lines[3]], "is no rotation"),
+        (
+            [*lines[:2], lines[2].replace("-1.000000000000", "   -1.0000e+200"), lines[3]],
+            "is no rotation",
+        ),
         ([lines[0], lines[1], lines[2].replace("-1.000000000000", "  nan"), lines[3]], "finite"),
     ):
         path.write_text("\n".join(bad))
