@@ -27,6 +27,7 @@ from anaplot.exchange.formats.patbfiles import (
     ImageFile,
     Orientation,
     PhotoRows,
+    PointRow,
     is_end,
     read_camera_lines,
     read_control,
@@ -185,12 +186,7 @@ def _units(
     images: ImageFile, options: ImportOptions, project: Path | None, notes: list[Note]
 ) -> tuple[str, str]:
     """Return the units of image coordinates and of camera constants."""
-    most, largest_c = 0.0, 0.0
-    for photo in images.photos:
-        largest_c = max(largest_c, number(photo.line, photo.c, "the camera constant"))
-        for row in photo.points:
-            x, y = (abs(number(row.line, text, "x and y")) for text in (row.x, row.y))
-            most = max(most, x, y)
+    largest_c = max(number(one.line, one.c, "the camera constant") for one in images.photos)
     c_unit = "um" if largest_c > _LARGE_C else "mm"
     unit: str | None = options.unit
     if unit == "px":
@@ -200,10 +196,15 @@ def _units(
         if unit is not None:
             notes.append(Note("assumed", None, f"{unit}, the only unit that the .pro names"))
     if unit is None:
+        most = max((_largest(row) for one in images.photos for row in one.points), default=0.0)
         unit = "um" if most > _LARGE_XY else "mm"
         text = f"image coordinates are in {unit}: the largest is {most:g} (--unit)"
         notes.append(Note("assumed", None, text))
     return unit, c_unit
+
+
+def _largest(row: PointRow) -> float:
+    return max(abs(number(row.line, text, "x and y")) for text in (row.x, row.y))
 
 
 def _cameras(
@@ -257,8 +258,8 @@ def _rays(
     for photo in images.photos:
         camera = cameras[found.of_photo[photo.photo]]
         for row in photo.points:
-            x = number(row.line, row.x, "x", unit) - x0
-            y = number(row.line, row.y, "y", unit) - y0
+            x = number(row.line, row.x, "x and y", unit) - x0
+            y = number(row.line, row.y, "x and y", unit) - y0
             reach = camera.reach()
             if abs(x) > reach[0] or abs(y) > reach[1]:
                 what = "4 c" if camera.format is None else "the format"
