@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from anaplot.errors import InputError
-from anaplot.exchange.formats.balwriter import BAL_SOURCE, write_bal
+from anaplot.exchange.formats.balwriter import BAL_SOURCE, KeptRay, write_bal
 from anaplot.exchange.formats.door import SOURCE, Exported, Exporting, Imported, ImportOptions, Note
 from anaplot.exchange.formats.gathered import MAX_TABLE_BYTES, head_of
 from anaplot.exchange.formats.measuredrays import MeasuredRay, image_points_of, kept_names
@@ -53,6 +53,7 @@ class _Ray(NamedTuple):
     point: int
     x: str
     y: str
+    line: int
 
 
 def recognises(source: Path) -> bool:
@@ -106,16 +107,21 @@ def read(source: Path, options: ImportOptions) -> Imported:
 def write(exporting: Exporting, target: Path) -> Exported:
     """Write a block as one file; raises InputError."""
     kept = exporting.folder / SOURCE / BAL_SOURCE
-    return write_bal(exporting, target, _names(kept) if kept.exists() else None)
+    return write_bal(exporting, target, _kept(kept) if kept.exists() else None)
 
 
-def _names(source: Path) -> list[str | None]:
-    """Return what import calls the point of every observation; None for those it leaves out."""
+def _kept(source: Path) -> list[KeptRay]:
+    """Return the observations that import makes image points of."""
     rays, of_camera, _ = _problem(source)
     size = _size(rays)
     _, of_photo = _cameras(of_camera, source, size, [])
     cameras = {str(k): camera for k, camera in enumerate(of_photo)}
-    return kept_names(_measured(rays, size), cameras, pixels=True)
+    names = kept_names(_measured(rays, size), cameras, pixels=True)
+    return [
+        KeptRay(ray.line, str(ray.camera), name)
+        for ray, name in zip(rays, names, strict=True)
+        if name is not None
+    ]
 
 
 def _problem(source: Path) -> tuple[list[_Ray], list[list[float]], int]:
@@ -166,7 +172,7 @@ def _ray(lines: Iterator[SourceLine], source: Path, cameras: int, points: int) -
     for value in line.numbers_of(fields[2:], "x and y"):
         if abs(value) > _LARGEST:
             raise line.fail(f"{value:g} px from the middle of an image")
-    return _Ray(camera, point, fields[2], fields[3])
+    return _Ray(camera, point, fields[2], fields[3], line.number)
 
 
 def _numbers(lines: Iterator[SourceLine]) -> Iterator[tuple[SourceLine, str]]:

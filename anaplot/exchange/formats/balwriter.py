@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from decimal import Decimal
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,15 +20,21 @@ from anaplot.photogrammetry.selection import rows_by_photo
 from anaplot.textfiles.wholefile import create_whole
 from anaplot.textfiles.wording import quoted
 
-__all__ = ["BAL_SOURCE", "write_bal"]
+__all__ = ["BAL_SOURCE", "KeptRay", "write_bal"]
 
 BAL_SOURCE = "problem.txt"
 """What a problem is called under `source/`."""
 
-_END = ""  # no point's name
+
+class KeptRay(NamedTuple):
+    """An observation of a problem: its line there, and the image point that import makes of it."""
+
+    line: int
+    photo: str
+    point: str
 
 
-def write_bal(exporting: Exporting, target: Path, names: list[str | None] | None) -> Exported:
+def write_bal(exporting: Exporting, target: Path, kept: list[KeptRay] | None) -> Exported:
     """Write a block.
 
     Where the problem that it was imported from is kept in `source/`, this is written again, without
@@ -38,9 +45,9 @@ def write_bal(exporting: Exporting, target: Path, names: list[str | None] | None
     ----------
     exporting, target
         As `registry.Format.write` has them.
-    names
-        What the block calls the point of every observation of that problem, and None for one that
-        it does not have; None where there is no problem.
+    kept
+        The observations of that problem that import does not leave out; None where there is no
+        problem.
 
     Raises
     ------
@@ -48,8 +55,8 @@ def write_bal(exporting: Exporting, target: Path, names: list[str | None] | None
         A camera has no pixels or a lens that is not k1 and k2, or the file cannot be written.
     """
     block = exporting.block
-    if names is not None:
-        lines, notes = _without_off(block, exporting.folder / SOURCE / BAL_SOURCE, names)
+    if kept is not None:
+        lines, notes = _without_off(block, exporting.folder / SOURCE / BAL_SOURCE, kept)
     else:
         lines, notes = _anew(block, exporting.adjusted)
     create_whole(target, (f"{line}\n".encode() for line in lines))
@@ -57,29 +64,12 @@ def write_bal(exporting: Exporting, target: Path, names: list[str | None] | None
 
 
 def _without_off(
-    block: Block, source: Path, names: list[str | None]
+    block: Block, source: Path, kept: list[KeptRay]
 ) -> tuple[Iterator[str], list[Note]]:
     uses = {(row.photo, row.point): row.use for row in block.image_points}
     half = sum(row.use in ("x", "y") for row in block.image_points)
-    out: set[int] = set()
-    calls = None
-    unknown = 0
-    for line in source_lines(source):
-        fields = line.text.split()
-        if not fields:
-            continue
-        if calls is None:
-            calls = iter(names)
-            continue
-        name = next(calls, _END)
-        if name == _END:
-            break
-        if name is None:
-            continue
-        use = uses.get((str(int(fields[0])), name))
-        unknown += use is None
-        if use == "off":
-            out.add(line.number)
+    out = {ray.line for ray in kept if uses.get((ray.photo, ray.point)) == "off"}
+    unknown = sum((ray.photo, ray.point) not in uses for ray in kept)
 
     def lines() -> Iterator[str]:
         first = True
@@ -134,7 +124,7 @@ def _anew(block: Block, adjusted: AdjustedResult | None) -> tuple[Iterator[str],
             turned = rotation_matrix(*row.rotation).T
             moved = -turned @ np.array(row.position)
             lens = camera.lens_parameters
-            f = float(Decimal(repr(camera.c / camera.pixel_mm)))
+            f = camera.c / camera.pixel_mm
             for value in (*axis_angle(turned), *moved.tolist(), f, lens[3], lens[4]):
                 yield repr(value)
         for point in adjusted.points:
