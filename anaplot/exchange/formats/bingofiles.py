@@ -19,7 +19,7 @@ from anaplot.aliases import Array
 from anaplot.errors import InputError
 from anaplot.exchange.formats.door import Note
 from anaplot.exchange.formats.gathered import MAX_TABLE_BYTES, head_of, number
-from anaplot.exchange.formats.sourcelines import SourceLine, source_lines
+from anaplot.exchange.formats.sourcelines import SourceLine, source_lines, value_of
 from anaplot.photogrammetry.rotation import rotation_angles, rotation_matrix
 from anaplot.textfiles.wording import place, plain, quoted
 
@@ -105,10 +105,10 @@ def looks_like_images(path: Path) -> bool:
     rows = [line.split() for line in head if line.strip() and not _is_comment(line)][:2]
     if len(rows) < 2 or len(rows[0]) != 2 or len(rows[1]) < 3:
         return False
-    camera = _value(rows[0][1])
+    camera = value_of(rows[0][1])
     if camera is not None and not (camera == int(camera) and 0.0 < camera < _SMALL):
         return False
-    return "," not in rows[0][0] and None not in map(_value, rows[1][1:3])
+    return "," not in rows[0][0] and None not in map(value_of, rows[1][1:3])
 
 
 def read_images(path: Path, notes: list[Note]) -> list[PhotoRows]:
@@ -235,10 +235,3 @@ def _tell(others: dict[str, int], more: int, path: Path, notes: list[Note]) -> N
 def _is_comment(text: str) -> bool:
     text = text.lstrip()
     return text.startswith(("*", "C ", "C\t")) or text.rstrip() == "C"
-
-
-def _value(text: str) -> float | None:
-    try:
-        return float(text)
-    except ValueError:
-        return None

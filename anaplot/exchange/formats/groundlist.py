@@ -12,7 +12,7 @@ from anaplot.exchange.controlcsv import GroundPoints
 from anaplot.exchange.controllist import read_control_list
 from anaplot.exchange.formats.door import Note
 from anaplot.exchange.formats.namedcolumns import open_columns
-from anaplot.exchange.formats.sourcelines import source_lines
+from anaplot.exchange.formats.sourcelines import source_lines, value_of
 from anaplot.photogrammetry.block import ControlPoint, ControlUse
 from anaplot.textfiles.wording import quoted
 
@@ -90,13 +90,5 @@ def _is_bare(path: Path) -> bool:
             continue
         for mark in ",;":
             text = text.replace(mark, " ")
-        return any(_number(word) for word in text.split()[1:])
+        return any(value_of(word) is not None for word in text.split()[1:])
     return False
-
-
-def _number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True

@@ -12,7 +12,7 @@ from typing import Final
 
 from anaplot.errors import InputError
 from anaplot.exchange.formats.door import Note
-from anaplot.exchange.formats.sourcelines import SourceLine, source_lines
+from anaplot.exchange.formats.sourcelines import SourceLine, source_lines, value_of
 from anaplot.textfiles.wording import hint, place, plain, quoted, reason
 
 __all__ = ["ColumnTable", "open_columns", "plain_title"]
@@ -125,7 +125,7 @@ def open_columns(
     if not headed and not stated:
         order = bare.get(len(fields))
         if order is None:
-            counts = ", ".join(f"{' '.join(names)}" for names in bare.values())
+            counts = ", ".join(map(" ".join, bare.values()))
             raise line.fail(
                 f"no header, and {len(fields)} columns (known without one: {counts})"
                 + (": say which is which, --column x=3" if can_state else "")
@@ -183,11 +183,7 @@ def _fields(line: SourceLine, separator: str | None) -> list[str]:
 
 
 def _is_number(text: str) -> bool:
-    try:
-        float(text.replace(",", "."))
-    except ValueError:
-        return False
-    return True
+    return value_of(text.replace(",", ".")) is not None
 
 
 def _stated(

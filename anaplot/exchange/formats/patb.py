@@ -36,6 +36,7 @@ from anaplot.exchange.formats.patbfiles import (
     unit_of_project,
 )
 from anaplot.exchange.formats.patbwriter import write_patb
+from anaplot.exchange.formats.sourcelines import value_of
 from anaplot.photogrammetry.block import (
     Block,
     Camera,
@@ -139,19 +140,12 @@ def _looks_like_images(source: Path) -> bool:
     rows = [line.split() for line in head if line.strip() and not line.lstrip().startswith("#")]
     if len(rows) < 2:
         return False
-    values = [[_value(field) for field in row] for row in rows]
+    values = [[value_of(field) for field in row] for row in rows]
     if len(rows[0]) == 4:  # the header of the -99 files in use, then a photo with a 0
         return None not in values[0] and len(rows[1]) == 2 and values[1][1] == 0.0
     c = values[0][1] if len(rows[0]) == 2 else None
     named = source.suffix.lower() == ".im"
     return c is not None and (named or c >= 10.0) and (is_end(rows[1][0]) or len(rows[1]) >= 3)
-
-
-def _value(text: str) -> float | None:
-    try:
-        return float(text)
-    except ValueError:
-        return None
 
 
 def _files(source: Path, options: ImportOptions) -> dict[str, Path]:

@@ -12,7 +12,7 @@ from anaplot.textfiles.inputfile import not_utf8, open_input
 from anaplot.textfiles.names import name_fault
 from anaplot.textfiles.wording import place, quoted
 
-__all__ = ["MAX_SOURCE_BYTES", "SourceLine", "source_lines"]
+__all__ = ["MAX_SOURCE_BYTES", "SourceLine", "source_lines", "value_of"]
 
 MAX_SOURCE_BYTES = 2_000_000_000
 _FARTHEST = 1e9  # of a ground coordinate, in metres or feet: no place on earth has more
@@ -67,6 +67,14 @@ class SourceLine(NamedTuple):
         if fault is not None:
             raise self.fail(f"the {what} name {quoted(text)} {fault}")
         return text
+
+
+def value_of(text: str) -> float | None:
+    """Return the number that a text is, not a finite one either; None for other texts."""
+    try:
+        return float(text)
+    except ValueError:
+        return None
 
 
 def source_lines(
