@@ -74,7 +74,6 @@ class ObjectRow(NamedTuple):
 class Bar(NamedTuple):
     """A scale bar: its ends, length and standard deviation [m]."""
 
-    line: SourceLine
     first: str
     second: str
     length: float
@@ -186,7 +185,7 @@ def read_bars(path: Path) -> list[Bar]:
         if frozenset((first, second)) in seen:
             raise line.fail(f"the distance from {quoted(first)} to {quoted(second)} twice")
         seen.add(frozenset((first, second)))
-        bars.append(Bar(line, first, second, length, sigma))
+        bars.append(Bar(first, second, length, sigma))
     return bars
 
 

@@ -29,8 +29,6 @@ class ColumnTable:
 
     Attributes
     ----------
-    path
-        The file.
     titles
         Of each column of ours that the table has, what the file calls it.
     stated
@@ -45,7 +43,6 @@ class ColumnTable:
         How many numbers with a decimal comma there were.
     """
 
-    path: Path
     titles: Mapping[str, str]
     stated: frozenset[str]
     aside: tuple[str, ...]
@@ -141,7 +138,6 @@ def open_columns(
     aside = [fields[k] if headed else f"column {k + 1}" for k in range(len(fields))]
     rest = lines if headed else chain((first,), lines)
     return ColumnTable(
-        path,
         titles,
         frozenset(stated),
         tuple(name for k, name in enumerate(aside) if k not in used),

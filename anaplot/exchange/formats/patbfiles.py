@@ -93,7 +93,6 @@ class Orientation(NamedTuple):
 class CameraLine(NamedTuple):
     """Camera constant, principal point and format [mm] of a camera file."""
 
-    line: SourceLine
     c: float
     principal: tuple[float, float]
     format: tuple[float, float] | None
@@ -266,7 +265,7 @@ def read_camera_lines(path: Path) -> CameraLine:
             max(abs(corner[k] - centre) for corner in corners) for k, centre in ((0, x0), (1, y0))
         )
         frame = (2.0 * xs, 2.0 * ys) if xs > 0.0 and ys > 0.0 else None
-    return CameraLine(line, c, (x0, y0), frame)
+    return CameraLine(c, (x0, y0), frame)
 
 
 def unit_of_project(path: Path) -> str | None:

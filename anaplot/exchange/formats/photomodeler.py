@@ -22,7 +22,7 @@ from anaplot.textfiles.wording import place, plain
 
 __all__ = ["read", "recognises", "write"]
 
-_COLUMNS = ("Object Point ID", "Photo #", "X", "Y")
+_COLUMNS = {name.lower(): name for name in ("Object Point ID", "Photo #", "X", "Y")}
 _FILES = ("control", "images")
 _LOOK = 2000
 
@@ -58,23 +58,25 @@ def write(exporting: Exporting, target: Path) -> Exported:
 def _rows(source: Path, notes: list[Note]) -> list[PixelRow]:
     rows: list[PixelRow] = []
     header: list[str] = []
+    places: list[int] = []
     for line in source_lines(source, MAX_TABLE_BYTES):
         fields = _fields(line)
         if not any(fields):
             continue
         if not header:
             header = [field.lower() for field in fields]
-            missing = next((name for name in _COLUMNS if name.lower() not in header), None)
+            missing = next((name for key, name in _COLUMNS.items() if key not in header), None)
             if missing is not None:
                 raise line.fail(f"the header names no column {missing}")
-            more = [field for field in fields if field.lower() not in map(str.lower, _COLUMNS)]
+            places = [header.index(key) for key in _COLUMNS]
+            more = [field for field in fields if field.lower() not in _COLUMNS]
             if more:
                 text = "columns are not read"
                 notes.append(Note("dropped", len(more), text, tuple(plain(n, 40) for n in more)))
             continue
         if len(fields) != len(header):
             raise line.fail(f"{len(fields)} fields, the header has {len(header)}")
-        point, photo, x, y = (fields[header.index(name.lower())] for name in _COLUMNS)
+        point, photo, x, y = (fields[k] for k in places)
         at = line.numbers_of([x, y], "X and Y")
         names = line.name_of(photo, "photo"), line.name_of(point, "point")
         rows.append(PixelRow(line, *names, at[0], at[1], None))
