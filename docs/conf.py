@@ -22,6 +22,7 @@ from anaplot.version import __version__  # noqa: E402
 project = "anaplot"
 release = version = __version__
 language = "en"
+smartquotes = False  # of a program: -- is no dash
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 source_suffix = {".md": "markdown"}
@@ -46,8 +47,6 @@ html_math_renderer = "mathml"
 html_copy_source = html_show_sourcelink = html_domain_indices = False
 html_show_sphinx = False
 html_show_copyright = False
-pygments_style = "xcode"
-pygments_dark_style = "github-dark"
 
 
 def _mathml(block: bool) -> Callable[[Any, nodes.Element], None]:
