@@ -30,6 +30,7 @@ _BAR_DOTS = 10
 _STEPS = 24  # of an ellipse
 _PATCH = (8, 3)  # cells: where points are many, one ellipse stands in each
 _FAR = 5.0  # times as far from the middle as nine points of ten: not shown
+_BOTH_SCALES = 66  # cells for a line that says what ellipses and what distances are
 _SHORTEST = 1.5  # dots: a smaller ellipse is hidden by the point's sign
 
 
@@ -90,15 +91,23 @@ def draw_block_map(
         With the layers of `BlockLayer`.
     """
     canvas = Canvas(columns, rows)
-    bottom = canvas.rows - _legend_rows(canvas)
-    seen = _sight(block, canvas, bottom)
-    shown = _ellipses_shown(block, seen, canvas)
-    patches = len(shown) < int(seen.near.sum())
+    near = _near(block.places)
+    there = np.flatnonzero(near & np.isfinite(block.ellipses).all(axis=1))
+    patches = len(there) * _PATCH[0] * _PATCH[1] > canvas.columns * canvas.rows
+    signs = _packed(_legend(block, near, patches=patches), canvas.columns)
+    scales = 1 if canvas.columns >= _BOTH_SCALES else 2
+    legend = len(signs) + scales
+    bottom = canvas.rows - legend if canvas.rows >= 3 * legend else canvas.rows
+    seen = _sight(block, near, canvas, bottom)
+    shown = _largest(there, block, seen.places) if patches else there
     enlarged = _metres_per_dot(block.ellipses[shown, 0], canvas, patches=patches)
     _draw_strips(canvas, block, seen.centres)
     if enlarged is not None:
         _draw_ellipses(canvas, seen.places[shown], block.ellipses[shown], enlarged)
-    _write_legend(canvas, block, seen, enlarged, patches=patches)
+    if bottom < canvas.rows:
+        stated = _packed(_scales(seen.projection.scale, enlarged), canvas.columns)
+        for row, line in enumerate(stated[:scales] + signs, canvas.rows - len(signs) - scales):
+            canvas.write(0, row, line, BlockLayer.LEGEND)
     _write_photos(canvas, seen.centres, bottom)
     layers = _layers(block, selected)
     order = np.argsort([int(layer) for layer in layers], kind="stable")
@@ -163,10 +172,9 @@ def _cell(place: Array) -> tuple[int, int]:
     return round(float(place[0])) // 2, round(float(place[1])) // 4
 
 
-def _sight(block: BlockMap, canvas: Canvas, bottom: int) -> _Sight:
+def _sight(block: BlockMap, near: Bools, canvas: Canvas, bottom: int) -> _Sight:
     """Return the largest projection that shows the block; what lies far off is left out."""
     places, centres = block.places, block.centres
-    near = _near(places)
     every = np.concatenate([places[near], centres[_near(centres)]])
     low, high = (every.min(axis=0), every.max(axis=0)) if len(every) else (np.zeros(2),) * 2
     extent = float((high - low).max())
@@ -198,14 +206,11 @@ def _near(places: Array) -> Bools:
     return np.asarray(finite & (away <= _FAR * np.quantile(away[finite], 0.9)))
 
 
-def _ellipses_shown(block: BlockMap, seen: _Sight, canvas: Canvas) -> Index:
-    """Return which ellipses are drawn: all, or where points are many the largest of each patch."""
-    there: Index = np.flatnonzero(seen.near & np.isfinite(block.ellipses).all(axis=1))
+def _largest(there: Index, block: BlockMap, places: Array) -> Index:
+    """Return of points those with the largest ellipse of each patch of the map."""
     columns, rows = _PATCH
-    if len(there) * columns * rows <= canvas.columns * canvas.rows:
-        return there
     there = there[np.argsort(-block.ellipses[there, 0], kind="stable")]
-    patch = (seen.places[there] // (2 * columns, 4 * rows)).astype(np.int64)
+    patch = (places[there] // (2 * columns, 4 * rows)).astype(np.int64)
     _, first = np.unique(patch, axis=0, return_index=True)
     return np.asarray(there[np.sort(first)])
 
@@ -248,44 +253,41 @@ def _write_photos(canvas: Canvas, centres: Array, bottom: int) -> None:
             canvas.write(column, row, "+", BlockLayer.PHOTO)
 
 
-def _legend_rows(canvas: Canvas) -> int:
-    return 0 if canvas.rows < 8 else 2
-
-
-def _write_legend(
-    canvas: Canvas, block: BlockMap, seen: _Sight, enlarged: float | None, *, patches: bool
-) -> None:
-    """Write scales and signs at the bottom."""
-    if not _legend_rows(canvas):
-        return
-    bar = "⠒" * (_BAR_DOTS // 2)
-    scale = seen.projection.scale
-    parts = [f"{bar} {_two_digits(_BAR_DOTS / scale)} m on the ground"]
-    if enlarged is not None:
-        times = _two_digits(1.0 / (enlarged * scale))
-        parts.append(f"{bar} {_BAR_DOTS * enlarged:g} m in ellipses, x {times}")
-        if patches:
-            parts.append("the largest of each patch")
-    _write_parts(canvas, canvas.rows - 2, parts)
-    grades = [f"{sign} {'≥' if k else 'r≥'}{least:g}" for k, (least, sign) in enumerate(_GRADES)]
-    signs = [*grades, f"{_UNCHECKED} less", "! flagged"]
+def _legend(block: BlockMap, near: Bools, *, patches: bool) -> list[str]:
+    """Return what the signs mean."""
+    signs = [f"{sign} {'≥' if k else 'r≥'}{least:g}" for k, (least, sign) in enumerate(_GRADES)]
+    signs += [f"{_UNCHECKED} less", "! flagged"]
     signs += [f"{sign} {kind}" for kind, sign in _KNOWN.items() if kind in block.kinds]
     signs.append("+ photo")
-    beyond = len(block.points) - int(seen.near.sum())
+    if patches:
+        signs.append("ellipses: the largest of each patch")
+    beyond = len(block.points) - int(near.sum())
     if beyond:
         signs.append(f"{beyond} beyond")
-    _write_parts(canvas, canvas.rows - 1, signs)
+    return signs
+
+
+def _scales(scale: float, enlarged: float | None) -> list[str]:
+    """Return what stands for how much; `scale` in dots per m, `enlarged` in m per dot."""
+    bar = "⠒" * (_BAR_DOTS // 2)
+    ground = f"{bar} {_two_digits(_BAR_DOTS / scale)} m on the ground"
+    if enlarged is None:
+        return [ground]
+    times = _two_digits(1.0 / (enlarged * scale))
+    return [f"{bar} {_BAR_DOTS * enlarged:g} m in ellipses, x {times}", ground]
 
 
 def _two_digits(value: float) -> str:
     return f"{float(f'{value:.2g}'):.12g}"
 
 
-def _write_parts(canvas: Canvas, row: int, parts: list[str]) -> None:
-    """Write as many parts as there is room for."""
-    column = 0
+def _packed(parts: list[str], width: int) -> list[str]:
+    """Return parts side by side, in as many lines as they need; what is too long is cut."""
+    packed: list[str] = []
     for part in parts:
-        if column + cell_len(part) > canvas.columns:
-            break
-        canvas.write(column, row, part, BlockLayer.LEGEND)
-        column += cell_len(part) + 2
+        together = f"{packed[-1]}  {part}" if packed else part
+        if packed and cell_len(together) <= width:
+            packed[-1] = together
+        else:
+            packed.append(part)
+    return packed
