@@ -168,6 +168,12 @@ def _part(
     print(parting_line(work_done(before, station.state), step, again))
 
 
+def _report(options: argparse.Namespace) -> int:
+    from anaplot.report.reportcommand import run_report
+
+    return run_report(options)
+
+
 def _replay(options: argparse.Namespace) -> int:
     if options.salvage is not None:
         from anaplot.report.salvagecommand import run_salvage
@@ -366,7 +372,7 @@ def command_parser() -> CommandParser:
     )
     add_adjust_arguments(adjust)
     add_apply_arguments(adjust)
-    add_report_command(commands)
+    add_report_command(commands, _report)
     compare = commands.add(
         "compare",
         _compare,

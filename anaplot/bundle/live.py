@@ -25,7 +25,7 @@ from anaplot.bundle.start.approximate import extended_state
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import Block
 
-__all__ = ["LiveAnswer", "LiveBlock"]
+__all__ = ["LiveAnswer", "LiveBlock", "answer_of"]
 
 _CHORD_STEPS = 4
 _DATUM = 7  # shift, rotation and scale
@@ -201,16 +201,23 @@ class LiveBlock:
         return evaluate(problem, found, progress=progress)
 
     def _keep(self, adjusted: AdjustedBlock, aside: tuple[str, ...], *, reused: bool) -> LiveAnswer:
-        points = dict.fromkeys(point for _, _, point, _ in adjusted.suspects())
-        self._answer = LiveAnswer(
-            adjusted=adjusted,
-            datum=adjusted.problem.datum,
-            suspect_rays={point: suspect_rays(adjusted, point) for point in points},
-            explained={point: explained(adjusted, point) for point in points},
-            aside=aside,
-            reused=reused,
-        )
+        self._answer = answer_of(adjusted, aside, reused=reused)
         return self._answer
+
+
+def answer_of(
+    adjusted: AdjustedBlock, aside: tuple[str, ...] = (), *, reused: bool = False
+) -> LiveAnswer:
+    """Return the state of a block that is adjusted."""
+    points = dict.fromkeys(point for _, _, point, _ in adjusted.suspects())
+    return LiveAnswer(
+        adjusted=adjusted,
+        datum=adjusted.problem.datum,
+        suspect_rays={point: suspect_rays(adjusted, point) for point in points},
+        explained={point: explained(adjusted, point) for point in points},
+        aside=aside,
+        reused=reused,
+    )
 
 
 def _hangs(problem: Problem) -> bool:

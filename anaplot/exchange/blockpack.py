@@ -25,7 +25,7 @@ from anaplot.textfiles.wholefile import create_whole, make_folder, sync_folder
 from anaplot.textfiles.wording import place, plain, quoted, reason
 from anaplot.version import __version__
 
-__all__ = ["MANIFEST", "pack_block", "unpack_block"]
+__all__ = ["MANIFEST", "block_paths", "pack_block", "unpack_block"]
 
 MANIFEST = "anaplot-block.json"
 """The list of files in a pack."""
@@ -77,6 +77,26 @@ def pack_block(folder: Path, target: Path) -> tuple[str, ...]:
         pack.writestr(MANIFEST, json.dumps(manifest, indent=1))
     create_whole(target, packed.getvalue())
     return names
+
+
+def block_paths(folder: Path) -> tuple[Path, ...]:
+    """Return the files of a block that exist, also those that stand outside of its folder.
+
+    Raises
+    ------
+    InputError
+        The block cannot be read.
+    """
+    block = read_block(folder)
+    named = [camera.file for camera in block.cameras if camera.file is not None]
+    pattern = block.measuring.pattern
+    if pattern is not None and is_pattern_file(pattern):
+        named.append(pattern)
+    paths = [*block_files(folder), *(folder / name for name in (*MORE_FILES, *named))]
+    if os.path.lexists(folder / SESSIONS):
+        numbered, _ = numbered_files(folder / SESSIONS)
+        paths += [folder / SESSIONS / numbered[number].name for number in sorted(numbered)]
+    return tuple(path for path in dict.fromkeys(paths) if os.path.lexists(path))
 
 
 def _names(folder: Path, block: Block) -> tuple[str, ...]:

@@ -52,13 +52,22 @@ from anaplot.report.parameters import given_json, held_line, reference_lengths, 
 from anaplot.report.rules import rules_json, rules_lines
 from anaplot.report.switchedoff import switched_off_table
 
-__all__ = ["adjust_document"]
+__all__ = [
+    "ALARM",
+    "DATUM",
+    "adjust_document",
+    "ground_lines",
+    "is_scaled",
+    "others_flagged",
+    "sigma0_limit",
+]
 
-_ALARM = 0.05  # significance of a test of sigma0 as an alarm
+ALARM = 0.05
+"""Significance of a test of sigma0 as an alarm."""
 _FEW = 3  # of flagged observations of other kinds
 _MOST = 30  # of flagged rows, spurs and correlations in the summary; the tables hold them all
 
-_DATUM = {
+DATUM = {
     "control": "control and priors",
     "minimal": "minimal constraints",
     "free": "inner constraints over the points",
@@ -209,7 +218,7 @@ def _figures(block: AdjustedBlock) -> Answer:
             "defect": problem.defect,
             **(
                 {"scale": "distances", "scale_s": scale_deviation(block)}
-                if _scaled(problem)
+                if is_scaled(problem)
                 else {}
             ),
         },
@@ -217,7 +226,7 @@ def _figures(block: AdjustedBlock) -> Answer:
     }
 
 
-def _scaled(problem: Problem) -> bool:
+def is_scaled(problem: Problem) -> bool:
     """Whether distances give the scale."""
     return problem.conditions is not None and problem.conditions.gives_scale
 
@@ -272,10 +281,10 @@ def _summary(
             len(problem.photos),
             len(problem.points),
             len(problem.photo),
-            _DATUM[problem.datum] + (", the scale by distances" if _scaled(problem) else ""),
+            DATUM[problem.datum] + (", the scale by distances" if is_scaled(problem) else ""),
         ),
         *_scale_line(block),
-        *_ground(problem.block.ground),
+        *ground_lines(problem.block.ground),
         say("  observations {observations}, unknowns {unknowns}, redundancy {redundancy}", **answer)
         + (defect if problem.defect else ""),
         say(
@@ -312,7 +321,8 @@ def _summary(
     return [*lines, *_others_flagged(block), *_spurs(block)]
 
 
-def _others(block: AdjustedBlock) -> list[tuple[float, str, str]]:
+def others_flagged(block: AdjustedBlock) -> list[tuple[float, str, str]]:
+    """Return w, words and kind of what is flagged beside image coordinates, the largest first."""
     return [one for one in block.flagged_observations() if one[2] != "image"]
 
 
@@ -336,7 +346,7 @@ def _unobserved(block: AdjustedBlock) -> list[Line]:
 
 def _others_flagged(block: AdjustedBlock) -> list[Line]:
     """Say what is flagged beside image coordinates."""
-    others = _others(block)
+    others = others_flagged(block)
     if not others:
         return []
     some = [say("{} (w {:.2f})", what, w) for w, what, _ in others[:_FEW]]
@@ -346,7 +356,7 @@ def _others_flagged(block: AdjustedBlock) -> list[Line]:
     )
 
 
-def _ground(system: GroundSystem | None) -> list[Line]:
+def ground_lines(system: GroundSystem | None) -> list[Line]:
     """Say in which system the coordinates are."""
     if system is None:
         return []
@@ -380,10 +390,15 @@ def _global_test(block: AdjustedBlock) -> list[Line]:
             "    (no alarm: {:.0f} % of such blocks without any error exceed it; at {:g} the limit "
             "is {:.3f})",
             100.0 * found.alpha,
-            _ALARM,
-            critical_f(_ALARM, block.redundancy),
+            ALARM,
+            sigma0_limit(block),
         ),
     ]
+
+
+def sigma0_limit(block: AdjustedBlock) -> float | None:
+    """Return what sigma0^2 exceeds in one of twenty good blocks; None without redundancy."""
+    return critical_f(ALARM, block.redundancy) if block.redundancy > 0 else None
 
 
 def _suspects(
@@ -394,7 +409,7 @@ def _suspects(
     """Say what is flagged, what to remeasure first, and which ray of a point is the wrong one."""
     first = suspects[0]
     # wrong control bends the rays about it
-    worst = next(((what, w) for w, what, kind in _others(block) if w > abs(first.w)), None)
+    worst = next(((what, w) for w, what, kind in others_flagged(block) if w > abs(first.w)), None)
     lines = [
         say("    {}  point {}  {}  w {:.2f}  r {:.3f}", _photo(one.where), one.point,
             one.where.axis, one.w, one.r)

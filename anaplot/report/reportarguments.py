@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from pathlib import Path
 
 from anaplot.report.adjustarguments import add_adjust_arguments
@@ -29,10 +30,10 @@ def add_page_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--rows",
         type=whole(10, 10_000_000),
-        default=1000,
+        default=2500,
         metavar="N",
         help="of a table with more rows the page shows those that need a look, and FILE.tables has "
-        "it whole; default 1000",
+        "it whole; default 2500",
     )
 
 
@@ -54,20 +55,14 @@ def add_report_arguments(parser: argparse.ArgumentParser) -> None:
     add_adjust_arguments(parser)
 
 
-def add_report_command(commands: Commands) -> None:
-    """Add the command `report`."""
+def add_report_command(commands: Commands, run: Callable[[argparse.Namespace], int]) -> None:
+    """Add the command `report`, which a function runs."""
     add_report_arguments(
         commands.add(
             "report",
-            _report,
+            run,
             "the adjusted block as one page that stands by itself: verdict, figures, tables",
             "anaplot report myblock -o report.html",
             "anaplot report myblock -o search.html --errors search --figures figures",
         )
     )
-
-
-def _report(options: argparse.Namespace) -> int:
-    from anaplot.report.reportcommand import run_report
-
-    return run_report(options)

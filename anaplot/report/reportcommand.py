@@ -4,21 +4,37 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Sequence
+import shlex
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 from anaplot.exchange.blockfolder import block_files
+from anaplot.exchange.blockpack import block_paths
 from anaplot.report.adjustcommand import adjust
 from anaplot.report.blockadjustment import BlockAdjustment
 from anaplot.report.columns import counted
 from anaplot.report.computed import Computed
 from anaplot.report.document import Document, Line, say
+from anaplot.report.html.angles import AngleUnit, with_angles_in
 from anaplot.report.html.blocksections import Material, block_sections
 from anaplot.report.html.evidence import block_plates
 from anaplot.report.html.parts import Report
+from anaplot.report.html.sections.definitions import with_definitions
 from anaplot.report.html.sections.innerorientations import OrientedPlate
+from anaplot.report.html.sections.provenance import (
+    Provenance,
+    checked_files,
+    provenance,
+    provenance_answer,
+    provenance_section,
+    unchanged,
+)
+from anaplot.report.html.sections.verdict import verdict_lines
 from anaplot.report.html.write import Written, check_report, write_report
+from anaplot.report.keywords import declared_options
 from anaplot.report.output import Output
+from anaplot.report.reportarguments import add_report_arguments
 from anaplot.report.running import computed
 
 __all__ = ["block_report", "run_report", "written_lines"]
@@ -42,15 +58,20 @@ def run_report(options: argparse.Namespace) -> int:
     reads = (*block_files(options.block), *options.fiducials)
     output.check({"is read": reads, "becomes the report": (options.output,)})
     check_report(options.output, options.figures)
+    computing = [*block_paths(options.block), *options.fiducials, *_named_files(options)]
+    files = checked_files(computing)
     found = computed(options, adjust)
     plates = block_plates(options.block, options.fiducials)
-    report = block_report(found, options.block, plates)
+    unchanged(files, checked_files(computing))
+    made = provenance(_command(options), _chosen(options), files)
+    material = Material(found, options.block, plates)
+    report = _report(material, made, options.angles)
     written = write_report(report, options.output, options.figures, most_rows=options.rows)
     document = found.document
     answer = {
         **document.answer,
         "inner": [plate.answer for plate in plates],
-        "report": _answer(written),
+        "report": {**_answer(written), **material.summary, "provenance": provenance_answer(made)},
     }
     output.show(Document(answer, written_lines(written), document.tables))
     return 1 if found.flagged and options.fail_on_flag else 0
@@ -60,6 +81,8 @@ def block_report(
     found: Computed[BlockAdjustment],
     folder: str | os.PathLike[str] | None = None,
     plates: Sequence[OrientedPlate] = (),
+    *,
+    angles: AngleUnit = "deg",
 ) -> Report:
     """Return the report of an adjusted block.
 
@@ -71,9 +94,44 @@ def block_report(
         The folder that the block was read from.
     plates
         Inner orientations, from `block_plates`.
+    angles
+        Unit of angles in its tables.
     """
     material = Material(found, None if folder is None else Path(folder), tuple(plates))
-    return Report(say("Block {}", material.measured.name), (), block_sections(material))
+    return _report(material, provenance(), angles)
+
+
+def _report(material: Material, made: Provenance, angles: AngleUnit) -> Report:
+    report = Report(
+        say("Block {}", material.measured.name),
+        verdict_lines(material.adjusted.result, material.status),
+        block_sections(material),
+        provenance_section(made, material.measured),
+    )
+    return with_definitions(with_angles_in(report, angles))
+
+
+def _command(options: argparse.Namespace) -> str:
+    return " ".join(["anaplot", options.command, shlex.quote(str(options.block))])
+
+
+def _chosen(options: argparse.Namespace) -> dict[str, Any]:
+    """Return the options that say what is computed, where they are not what they are without."""
+    declared = declared_options(add_report_arguments)
+    return {
+        action.option_strings[-1]: getattr(options, key)
+        for key, action in declared.items()
+        if action.option_strings and getattr(options, key) != action.default
+    }
+
+
+def _named_files(options: argparse.Namespace) -> Iterator[Path]:
+    """Yield the files that options name; what is no file is something else."""
+    for key in ("additional_prior", "given", "operators", "snooping_model", "test_set"):
+        value = getattr(options, key)
+        for one in value if isinstance(value, list) else [value]:
+            if isinstance(one, str | Path) and Path(one).is_file():
+                yield Path(one)
 
 
 def _answer(written: Written) -> dict[str, object]:

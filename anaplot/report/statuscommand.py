@@ -7,6 +7,7 @@ import shlex
 from collections.abc import Container
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from anaplot.errors import AnaplotError, NotComputableError
 from anaplot.exchange.blockfolder import read_block
@@ -45,7 +46,10 @@ from anaplot.station.blockview import BlockView
 from anaplot.station.edited import Journaled, journaled
 from anaplot.textfiles.wording import plain
 
-__all__ = ["block_status", "run_status", "status_document"]
+if TYPE_CHECKING:
+    from anaplot.bundle.solve.adjusted import AdjustedBlock
+
+__all__ = ["adjusted_status", "block_status", "run_status", "status_document"]
 
 PATIENCE, PATIENCE_PER_PHOTO = 200, 10
 """Strips, pairs and rounds of photos that the search for approximate values tries at most."""
@@ -99,6 +103,29 @@ def block_status(folder: Path) -> tuple[BlockStatus, Journaled, BlockContents, B
     name = plain(shlex.quote(str(folder)))
     status = status_of(block, found.state, _view(block), name, block_accidents(block))
     return status, found, contents_of(block), block
+
+
+def adjusted_status(
+    folder: Path | None, block: Block, adjusted: AdjustedBlock
+) -> tuple[BlockStatus, Journaled]:
+    """Return where a block stands that is adjusted already, and its journal.
+
+    Parameters
+    ----------
+    folder
+        Where it comes from; None: from a program, without a journal.
+    block
+        As it was read.
+    adjusted
+        The same adjusted.
+    """
+    from anaplot.bundle.live import answer_of
+    from anaplot.station.blockanswer import view_of
+
+    found = Journaled() if folder is None else journaled(folder, block)
+    view = view_of(answer_of(adjusted), BlockView("", 0, False), None, most_weak=_MOST_WEAK)
+    name = "BLOCK" if folder is None else plain(shlex.quote(str(folder)))
+    return status_of(block, found.state, view, name, block_accidents(block)), found
 
 
 def _view(block: Block) -> BlockView | None:

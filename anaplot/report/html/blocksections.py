@@ -2,23 +2,51 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.photogrammetry.block import Block
 from anaplot.report.blockadjustment import BlockAdjustment
+from anaplot.report.blocksummary import summary_tables
 from anaplot.report.computed import Computed
+from anaplot.report.document import Table
 from anaplot.report.html.evidence import evidence_sections
+from anaplot.report.html.lengths import sections_with_lengths_of
 from anaplot.report.html.parts import Section
-from anaplot.report.html.sections.adjusted import adjusted_sections
+from anaplot.report.html.sections.adjusted import (
+    adjustment_section,
+    part_sections,
+    table_section,
+)
+from anaplot.report.html.sections.drawings import map_section, maps_section, residuals_section
+from anaplot.report.html.sections.glance import (
+    accuracy_section,
+    glance_section,
+)
 from anaplot.report.html.sections.innerorientations import OrientedPlate
+from anaplot.report.statuscommand import adjusted_status
+from anaplot.station.blockstatus import BlockStatus
 
 __all__ = ["Material", "block_sections"]
 
+_TABLES = (
+    ("check", "Check points"),
+    ("control", "Control as observations"),
+    ("conditions", "Conditions between points"),
+    ("point_priors", "Priors of points"),
+    ("priors", "What was known before"),
+    ("photos", "Orientations of the photos"),
+    ("points", "Points"),
+    ("rays", "Image coordinates"),
+)
+_EARLY = ("photo-checks", "given-points", "parameter-correlations")
+_FOLDED = ("photos", "points", "rays")
 
-@dataclass(frozen=True, slots=True, eq=False)
+
+@dataclass(frozen=True, eq=False)
 class Material:
     """What a block's report is made of.
 
@@ -36,6 +64,18 @@ class Material:
     folder: Path | None = None
     plates: tuple[OrientedPlate, ...] = ()
 
+    @cached_property
+    def summary(self) -> Mapping[str, Table]:
+        """Accuracies and correlations in a few rows."""
+        answer = self.adjusted.document.answer
+        names = ("photos", "points", "photo_correlations")
+        return summary_tables(self.block, *(answer[name] for name in names))
+
+    @cached_property
+    def status(self) -> BlockStatus:
+        """Where the block stands."""
+        return adjusted_status(self.folder, self.measured, self.block)[0]
+
     @property
     def block(self) -> AdjustedBlock:
         """The adjusted block, without what is rejected."""
@@ -49,9 +89,23 @@ class Material:
 
 def block_sections(material: Material) -> tuple[Section, ...]:
     """Return the sections of a block's report; one that has nothing to say is left out."""
-    return tuple(section for section in _sections(material) if section is not None)
+    found = (section for section in _sections(material) if section is not None)
+    return sections_with_lengths_of(material.measured, found)
 
 
 def _sections(material: Material) -> Iterator[Section | None]:
-    yield from adjusted_sections(material.adjusted.document)
-    yield from evidence_sections(material.adjusted, material.folder, material.plates)
+    found, document = material.adjusted.result, material.adjusted.document
+    evidence = evidence_sections(material.adjusted, material.folder, material.plates)
+    by_key = {section.key: section for section in evidence}
+    yield glance_section(found, document)
+    yield by_key.pop("rejected", None)
+    yield map_section(material.block)
+    yield accuracy_section(document, material.summary)
+    yield from (by_key.pop(key, None) for key in _EARLY)
+    yield residuals_section(material.block)
+    yield maps_section(material.block)
+    yield adjustment_section(document)
+    yield from part_sections(document)
+    yield from by_key.values()
+    for key, title in _TABLES:
+        yield table_section(document, key, title, folded=key in _FOLDED)

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from anaplot.drawing.drawing import Drawing
 from anaplot.photogrammetry.block import Block
-from anaplot.report.html.parts import Captioned, Facts, HtmlBlock, Section
+from anaplot.report.html.parts import Captioned, Definitions, Facts, HtmlBlock, Section
 from anaplot.report.lengthunits import in_px, without_pixel_size
 
 __all__ = ["sections_with_lengths_of"]
@@ -29,6 +29,6 @@ def _block(block: HtmlBlock) -> HtmlBlock:
         return Captioned(in_px(block.table), block.caption)
     if isinstance(block, Facts):
         return Facts(tuple((word, in_px(line)) for word, line in block.items))
-    if isinstance(block, Drawing):
+    if isinstance(block, Drawing | Definitions):
         return block
     return in_px(block)

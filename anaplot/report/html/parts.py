@@ -8,13 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 from anaplot.drawing.drawing import Drawing
 from anaplot.report.document import Line, Listed, Table
 
 __all__ = [
     "Captioned",
+    "Defined",
+    "Definitions",
     "Facts",
     "HtmlBlock",
     "Report",
@@ -40,6 +42,22 @@ class Facts:
     items: tuple[tuple[str, Line], ...]
 
 
+class Defined(NamedTuple):
+    """What columns mean: their titles, words, equation and source."""
+
+    columns: str
+    words: str
+    equation: str
+    source: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Definitions:
+    """What columns mean."""
+
+    rows: tuple[Defined, ...]
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Section:
     """A part of a report under a heading.
@@ -62,7 +80,7 @@ class Section:
     folded: bool = False
 
 
-HtmlBlock: TypeAlias = Line | Listed | Table | Captioned | Facts | Drawing | Section
+HtmlBlock: TypeAlias = Line | Listed | Table | Captioned | Facts | Definitions | Drawing | Section
 """A part of a section."""
 
 

@@ -18,8 +18,17 @@ from anaplot.drawing.drawing import Drawing
 from anaplot.report.astext import cell_texts, line_pieces
 from anaplot.report.columns import counted, shortened
 from anaplot.report.document import Column, Line, Listed, Table, Values
-from anaplot.report.html.captions import caption_of
-from anaplot.report.html.parts import Captioned, Facts, HtmlBlock, Report, Section
+from anaplot.report.html.angles import shown_unit
+from anaplot.report.html.captions import caption_of, words_of
+from anaplot.report.html.parts import (
+    Captioned,
+    Defined,
+    Definitions,
+    Facts,
+    HtmlBlock,
+    Report,
+    Section,
+)
 from anaplot.textfiles.wording import plain
 
 __all__ = [
@@ -34,11 +43,13 @@ __all__ = [
     "text_of",
 ]
 
-MOST_ROWS = 1000
+MOST_ROWS = 2500
 """A longer table shows only the rows that need a look; a file beside the page has them all."""
 
-_LONGEST = 40  # characters of a name that are shown; the whole is its title
-_WIDE = 9  # columns from which a table stands on a page across
+_LONGEST = 60  # characters of a name that are shown; the whole is its title
+_FOLDED = 30  # rows of a table that is shown without being opened
+_SHORT = 90  # characters of a caption in one line
+_MANY, _ACROSS = 9, 17  # columns from which paper has smaller letters, and lies across
 
 
 class Text(NamedTuple):
@@ -66,6 +77,13 @@ class Head(NamedTuple):
     names: bool
 
 
+class Row(NamedTuple):
+    """A row: its cells, and whether it needs a look."""
+
+    cells: tuple[Text, ...]
+    look: bool
+
+
 @dataclass(frozen=True, slots=True)
 class TableView:
     """A table as it is shown.
@@ -84,23 +102,30 @@ class TableView:
         How many the table has, of which `shown` are shown.
     cut
         What is said of the others, or "".
-    wide
-        Whether it has so many columns that paper lies across.
+    folded
+        Whether only the caption is shown until it is opened.
+    short
+        Whether the caption stands in one line.
+    width
+        "", "many" or "across": whether it has so many columns that paper needs smaller letters, or
+        lies across.
     """
 
     id: str
     caption: tuple[Text, ...]
     heads: tuple[Head, ...]
-    groups: tuple[tuple[Text | None, tuple[tuple[Text, ...], ...]], ...]
+    groups: tuple[tuple[Text | None, tuple[Row, ...]], ...]
     rows: int
     shown: int
     cut: str
-    wide: bool
+    folded: bool
+    short: bool
+    width: str
 
 
 @dataclass(frozen=True, slots=True)
 class BlockView:
-    """A part of a section: "lines", "heading", "facts", "table", "drawing" or "section"."""
+    """A part of a section, and of which kind: "lines", "heading", "facts", "table" and so on."""
 
     kind: str
     lines: tuple[LineView, ...] = ()
@@ -108,6 +133,7 @@ class BlockView:
     table: TableView | None = None
     drawing: Drawing | None = None
     section: SectionView | None = None
+    defined: tuple[Defined, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,11 +229,14 @@ class _Plan:
         self._most_rows = most_rows
         self._beside = beside
         self._addresses = _Addresses()
+        self._inside = False  # of something that is folded
         self.cut: dict[str, Table] = {}
 
     def section(self, section: Section, level: int) -> SectionView:
         address = self._addresses.of(section.key)
+        around, self._inside = self._inside, self._inside or section.folded
         blocks = tuple(self._blocks(section.blocks, level))
+        self._inside = around
         return SectionView(address, text_of(section.title), level, blocks, section.folded)
 
     def _blocks(self, blocks: Iterable[HtmlBlock], level: int) -> Iterator[BlockView]:
@@ -224,6 +253,8 @@ class _Plan:
                 yield BlockView("section", section=inner)
             elif isinstance(block, Drawing):
                 yield BlockView("drawing", drawing=block)
+            elif isinstance(block, Definitions):
+                yield BlockView("definitions", defined=block.rows)
             elif isinstance(block, Facts):
                 said = tuple(_line(line) for _, line in block.items)
                 yield BlockView("facts", lines=said, words=tuple(word for word, _ in block.items))
@@ -245,9 +276,11 @@ class _Plan:
         columns = [
             (column, cell_texts(column, values, chosen, n)) for column, values in _shown(table)
         ]
+        marked = table.marked()
+        looks = marked[chosen].tolist() if len(marked) == n else [False] * len(chosen)
         cells = [
-            tuple(_cell(text, column) for column, text in zip(heads, row, strict=True))
-            for heads, row in _rows(columns, len(chosen))
+            Row(tuple(_cell(text, column) for column, text in zip(heads, row, strict=True)), look)
+            for (heads, row), look in zip(_rows(columns, len(chosen)), looks, strict=True)
         ]
         return TableView(
             address,
@@ -257,7 +290,9 @@ class _Plan:
             n,
             len(chosen),
             self._left_out(address, n, len(chosen)),
-            len(columns) >= _WIDE,
+            len(chosen) > _FOLDED and not self._inside,
+            sum(len(piece.text) for piece in text_of(caption)) <= _SHORT,
+            _width(len(columns)),
         )
 
     def _left_out(self, address: str, n: int, shown: int) -> str:
@@ -266,6 +301,12 @@ class _Plan:
         which = "those that need a look" if shown else "none needs a look"
         where = f"; {plain(self._beside)}/{address}.csv has every row" if self._beside else ""
         return f"{shown} of {counted(n, 'row')} are shown, {which}{where}"
+
+
+def _width(columns: int) -> str:
+    if columns >= _ACROSS:
+        return "across"
+    return "many" if columns >= _MANY else ""
 
 
 def _rows(
@@ -287,26 +328,26 @@ def _shown(table: Table) -> list[tuple[Column, Values]]:
 
 
 def _head(column: Column) -> Head:
-    title = column.title.strip() or column.key
-    unit = column.unit if column.unit and "[" not in title else ""
+    title = plain(column.title.strip()) or words_of(column.key)
+    unit = "" if "[" in title else shown_unit(column)
     return Head(title, unit, column.key or column.title, column.align == "<")
 
 
 def _cell(text: str, column: Column) -> Text:
     if column.align == ">":
         return Text(text)
-    shown = shortened(text, _LONGEST)
+    shown = shortened(text, max(_LONGEST, column.width or 0))
     return Text(shown, True, "" if shown == text else text)
 
 
 def _grouped(
-    table: Table, chosen: Index, rows: list[tuple[Text, ...]]
-) -> tuple[tuple[Text | None, tuple[tuple[Text, ...], ...]], ...]:
+    table: Table, chosen: Index, rows: list[Row]
+) -> tuple[tuple[Text | None, tuple[Row, ...]], ...]:
     if not table.group:
         return ((None, tuple(rows)),)
     keys = [column.key for column in table.columns]
     names = table.values[keys.index(table.group)]
-    groups: list[tuple[str, list[tuple[Text, ...]]]] = []
+    groups: list[tuple[str, list[Row]]] = []
     for k, row in zip(chosen.tolist(), rows, strict=True):
         name = plain(str(names[k]))
         if not groups or groups[-1][0] != name:
@@ -354,11 +395,26 @@ def _paragraphs(lines: Sequence[LineView]) -> Iterator[BlockView]:
     some: list[LineView] = []
     for line in lines:
         if some and (not line.pieces or line.kind == "heading"):
-            yield BlockView("lines", lines=tuple(some))
+            yield _together(some)
             some = []
-        if line.kind == "heading":
+        if line.kind == "heading" and not line.laid_out:
             yield BlockView("heading", lines=(line,))
+        elif line.kind == "heading":
+            yield BlockView("heading", lines=(_title(line),))
+            some.append(line)
         elif line.pieces:
             some.append(line)
     if some:
-        yield BlockView("lines", lines=tuple(some))
+        yield _together(some)
+
+
+def _together(lines: Sequence[LineView]) -> BlockView:
+    """Return lines that stand below each other, laid out where one of them is."""
+    laid_out = any(line.laid_out for line in lines)
+    return BlockView("lines", lines=tuple(line._replace(laid_out=laid_out) for line in lines))
+
+
+def _title(line: LineView) -> LineView:
+    """Return the words with which a heading of columns begins."""
+    text = "".join(piece.text for piece in line.pieces).strip().partition("  ")[0]
+    return line._replace(pieces=(Text(text, True),), laid_out=False)

@@ -1,0 +1,53 @@
+"""The definitions of the columns that a report has."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import replace
+
+from anaplot.report.document import Column, say
+from anaplot.report.html.captions import caption_of, words_of
+from anaplot.report.html.definitions import Definition, definition_of
+from anaplot.report.html.parts import Defined, Definitions, Report, Section, tables_in
+
+__all__ = ["columns_shown", "with_definitions"]
+
+
+def columns_shown(report: Report) -> list[tuple[str, Column]]:
+    """Return the columns that people read in a report, with the keys of their tables."""
+    return [
+        (one.key, column)
+        for one in tables_in(report.all_sections)
+        if len(one)
+        for column, _ in one.for_people()
+        if column.key
+    ]
+
+
+def with_definitions(report: Report) -> Report:
+    """Return a report that ends, before what it was computed with, with its definitions."""
+    said: dict[Definition, dict[str, dict[str, None]]] = {}
+    unknown: dict[str, None] = {}
+    for key, column in columns_shown(report):
+        title = column.title.strip() or words_of(column.key)
+        found = definition_of(key, column.key)
+        if found is None:
+            unknown[title] = None
+        else:
+            said.setdefault(found, {}).setdefault(title, {})[caption_of(key)] = None
+    meanings = Counter(title for titles in said.values() for title in titles)
+    rows = tuple(
+        Defined(
+            ", ".join(
+                title if meanings[title] == 1 else f"{title} ({'; '.join(tables)})"
+                for title, tables in titles.items()
+            ),
+            *found,
+        )
+        for found, titles in said.items()
+    )
+    section = Section("definitions", "What the columns mean", (Definitions(rows),), folded=True)
+    if unknown:
+        line = say("explained where they stand: {}", ", ".join(unknown)).of("remark")
+        section = replace(section, blocks=(*section.blocks, line))
+    return replace(report, sections=(*report.sections, section))

@@ -1,0 +1,155 @@
+"""The block at a glance: what authorities ask for, on the first page."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+
+from anaplot.bundle.solve.adjusted import AdjustedBlock
+from anaplot.report.adjustdocument import (
+    ALARM,
+    DATUM,
+    ground_lines,
+    is_scaled,
+    others_flagged,
+    sigma0_limit,
+)
+from anaplot.report.blockadjustment import BlockAdjustment
+from anaplot.report.columns import counted
+from anaplot.report.document import Answer, Document, Line, Table, named, say
+from anaplot.report.html.parts import Captioned, Facts, HtmlBlock, Section
+from anaplot.report.html.shown import first_rows
+
+__all__ = ["accuracy_section", "glance_section"]
+
+_MOST_CORRELATED = 5
+
+
+def glance_section(found: BlockAdjustment, document: Document) -> Section:
+    """Return the figures of a block: sigma0, counts, datum, system, rejected, indicators."""
+    block, answer = found.block, document.answer
+    problem = block.problem
+    facts: list[tuple[str, Line]] = [
+        ("Sigma0", _sigma0(block, answer)),
+        ("Global test", _global_test(block, answer)),
+        (
+            "Size",
+            say(
+                "{} photos, {} points, {} rays; {observations} observations, {unknowns} unknowns, "
+                "redundancy {redundancy}",
+                len(problem.photos),
+                len(problem.points),
+                len(problem.photo),
+                **answer,
+            ),
+        ),
+        ("Datum", _datum(block, answer)),
+        ("Coordinate system", _system(block)),
+        (
+            "Test of observations",
+            say(
+                "{kind}, alpha {alpha:g}, power {power:g}, critical value {critical:.2f||none}; of "
+                "good observations about {flagged_by_chance:.1f} are flagged",
+                **answer["test"],
+            ),
+        ),
+        ("Flagged", _flagged(block)),
+        ("Rejected", _rejected(found)),
+        (
+            "Redundancy numbers",
+            say("mean of x {RI_x:.3f}, of y {RI_y:.3f}, of all {RI:.3f}", **answer["indicators"]),
+        ),
+        ("Checked by nothing", _spurs(block)),
+    ]
+    return Section("glance", "At a glance", (Facts(tuple(facts)),))
+
+
+def _sigma0(block: AdjustedBlock, answer: Answer) -> Line:
+    if block.sigma0 is None:
+        return say("none: nothing is redundant")
+    um = block.problem.block.precision.image_um
+    return say("{sigma0_um:.2f} um against {:g} um a priori, factor {sigma0:.2f}", um, **answer)
+
+
+def _global_test(block: AdjustedBlock, answer: Answer) -> Line:
+    limit, test = sigma0_limit(block), answer["global_test"]
+    if limit is None or block.sigma0 is None:
+        return say("none: nothing is redundant")
+    words = "exceeds" if block.sigma0**2 > limit else "does not exceed"
+    line = say("sigma0^2 {:.3f} {} {:.3f} (alpha {:g})", block.sigma0**2, words, limit, ALARM)
+    if test is None:
+        return line
+    return line + say(
+        "; consistent with the single tests: {critical:.3f} (alpha {alpha:.3f})", **test
+    )
+
+
+def _datum(block: AdjustedBlock, answer: Answer) -> Line:
+    line = say("{}", DATUM[block.problem.datum])
+    if is_scaled(block.problem):
+        line += ", the scale by distances"
+    defect = answer["datum"]["defect"]
+    return line + say(", rank defect {}", defect) if defect else line
+
+
+def _system(block: AdjustedBlock) -> Line:
+    lines = ground_lines(block.problem.block.ground)
+    if not lines:
+        return say("that of control.csv, metres; no reference system is stated")
+    return Line(tuple(part for line in lines for part in (*_stripped(line).parts, " ")))
+
+
+def _stripped(line: Line) -> Line:
+    first, *rest = line.parts
+    if not isinstance(first, str):
+        return line
+    return replace(line, parts=(first.strip().removeprefix("coordinates:").lstrip() + " ", *rest))
+
+
+def _flagged(block: AdjustedBlock) -> Line:
+    images = int(block.flagged.sum())
+    line = say("{}", counted(images, "image coordinate") if images else "no image coordinate")
+    others = others_flagged(block)
+    if others:
+        shown = named([say("{} (w {:.2f})", what, w) for w, what, _ in others], 3)
+        line += say(", and {}: {}", counted(len(others), "other observation"), shown)
+    return line.of("look") if images or others else line
+
+
+def _rejected(found: BlockAdjustment) -> Line:
+    if found.errors is None:
+        return say("nothing was looked for (adjust --errors)")
+    count = len(found.rejected)
+    strategy = found.errors.findings.strategy
+    if not count:
+        return say("nothing, by the strategy {}", strategy)
+    return say("{} by the strategy {}", counted(count, "observation"), strategy).of("look")
+
+
+def _spurs(block: AdjustedBlock) -> Line:
+    spurs = block.spurs()
+    if not spurs:
+        return say("no image coordinate")
+    shown = named([say("{}:{} {}", *spur) for spur in spurs], 4)
+    return say("{}: {}", counted(len(spurs), "image coordinate"), shown).of("remark")
+
+
+def accuracy_section(document: Document, summary: Mapping[str, Table]) -> Section:
+    """Return the standard deviations and the largest correlations of unknowns."""
+    blocks: list[HtmlBlock] = [summary["accuracy"]]
+    if len(summary["accuracy_angles"]):
+        blocks.append(summary["accuracy_angles"])
+    blocks += _calibration(document)
+    for key, what in (("photos_correlated", "photos"), ("points_correlated", "points")):
+        found = summary[key]
+        if len(found):
+            line = say("Correlations of the unknowns of single {}: the largest", what)
+            blocks.append(Captioned(first_rows(found, _MOST_CORRELATED), line))
+    return Section("accuracy", "Accuracy: standard deviations and correlations", tuple(blocks))
+
+
+def _calibration(document: Document) -> Iterator[HtmlBlock]:
+    """Yield the tables of calibrations and additional parameters, as far as there are any."""
+    for block in document.page:
+        if isinstance(block, Table) and block.key in ("calibration", "parameters"):
+            yield block
