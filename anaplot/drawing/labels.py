@@ -45,6 +45,7 @@ def placed(
     obstacles: Array | None = None,
     most: int = 80,
     far: bool = False,
+    towards: Array | None = None,
 ) -> list[Placed]:
     """Return which labels have room, the first ones first.
 
@@ -64,6 +65,8 @@ def placed(
         How many labels are tried.
     far
         Whether one that has no room beside its point may stand farther away.
+    towards
+        (n, 2) directions in which each stands rather than elsewhere; None: to the right.
     """
     marks = at if obstacles is None else np.vstack((at, obstacles))
     taken = np.hstack((marks - _MARK, marks + _MARK))
@@ -72,8 +75,11 @@ def placed(
     found: list[Placed] = []
     for k in range(min(len(at), most)):
         half = sizes[k] / 2.0
+        directions = _DIRECTIONS
+        if towards is not None:
+            directions = directions[np.argsort(-directions @ towards[k], kind="stable")]
         for away in (gap, 2.5 * gap, 4.0 * gap) if far else (gap,):
-            middle = at[k] + _DIRECTIONS * (away + half)
+            middle = at[k] + directions * (away + half)
             low, high = middle - half, middle + half
             inside = ((low >= low_side) & (high <= high_side)).all(axis=1)
             over = (

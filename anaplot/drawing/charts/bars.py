@@ -8,7 +8,7 @@ import numpy as np
 
 from anaplot.aliases import Array, Bools
 from anaplot.drawing.drawing import Drawing
-from anaplot.drawing.element import element, joined, shortened, text
+from anaplot.drawing.element import element, shortened, text
 from anaplot.drawing.frame import WIDTH, Frame
 from anaplot.drawing.legend import Entry, hatching
 from anaplot.drawing.pathdata import segments
@@ -23,6 +23,8 @@ MOST_BARS = 40
 
 _ROW = 18.0
 _NAME = 24  # characters
+_HATCHED = 36.0  # of a bar that is marked
+_BEYOND = 1.07  # of the longest bar: room for its number
 
 
 def bars(
@@ -69,7 +71,7 @@ def bars(
     numbers = [0.0, *values.tolist()]
     if bound is not None:
         numbers.append(bound)
-    round_x = covering(min(numbers), max(numbers), 9).values
+    round_x = covering(_BEYOND * min(numbers), _BEYOND * max(numbers), 9).values
     frame = Frame(
         left,
         head.bottom,
@@ -89,8 +91,12 @@ def bars(
         y = frame.top + 4.0 + _ROW * k
         low, width = min(zero, float(x[k])), abs(float(x[k]) - zero)
         box = element("rect", x=low, y=y + 2.5, width=width, height=_ROW - 5.0, class_="f-series-1")
-        lines = hatching(low, y + 2.5, width, _ROW - 5.0) if hatched[k] and width > 1.0 else None
-        plot.add(joined(box, *((lines,) if lines else ())))
+        plot.add(box)
+        if hatched[k]:
+            # its outer end is enough to be seen
+            end = min(width, _HATCHED)
+            begin = low if x[k] < zero else low + width - end
+            plot.add(hatching(begin, y + 2.5, end, _ROW - 5.0))
         plot.add(text(left - 7.0, y + 12.8, names[k], "t-small t-end", most=_NAME))
         value = written(float(values[k]), decimals)
         plot.add(text(max(zero, float(x[k])) + 5.0, y + 12.8, value, "t-small t-halo"))

@@ -13,6 +13,7 @@ from anaplot.drawing.frame import WIDTH
 from anaplot.drawing.legend import Entry, legend
 from anaplot.drawing.plot import Head, drawn
 from anaplot.drawing.textwidth import text_width
+from anaplot.drawing.ticks import written
 
 __all__ = ["LARGEST", "correlation_matrix"]
 
@@ -105,7 +106,7 @@ def _cell(
         box = f"f-{sign}-{step} gap"
         parts.append(element("rect", x=x, y=y, width=width, height=height, class_=box))
     if n <= _NUMBERS:
-        shown = f"{rho:.2f}".replace("-", "−")
+        shown = written(rho, 2)
         weight = "t-strong" if step == len(_STEPS) else "t-soft" if not step else ""
     elif step:
         shown, weight = ("−" if rho < 0.0 else "+"), "t-strong"

@@ -10,7 +10,7 @@ import numpy as np
 from anaplot.aliases import Array, Bools, Index
 from anaplot.bundle.blockmap import flagged_points, mean_redundancy
 from anaplot.bundle.solve.adjusted import AdjustedBlock
-from anaplot.drawing.classes import Classes, draw_classes
+from anaplot.drawing.classes import draw_classes
 from anaplot.drawing.drawing import Drawing
 from anaplot.drawing.frame import Frame
 from anaplot.drawing.legend import Entry
@@ -19,18 +19,14 @@ from anaplot.drawing.thinning import thinned
 from anaplot.drawing.ticks import round_down, written
 from anaplot.report.columns import counted
 from anaplot.report.figures.groundview import GroundView, ground_view
+from anaplot.report.figures.modelfigure import REDUNDANCY_CLASSES
 
-__all__ = ["CONTROL_SHAPES", "block_map", "draw_control"]
+__all__ = ["CONTROL_SHAPES", "block_map", "draw_control", "length_of"]
 
 _MOST_POINTS, _MOST_PHOTOS, _MOST_ELLIPSES, _MOST_FLAGGED = 4000, 600, 400, 300
 _SMALLEST, _LARGEST = 11.0, 30.0  # units of the drawing: half axis of the larger ellipses
 _SPACING = 0.35  # of the mean distance of points: the same, between those
 _TOO_LARGE = 60.0
-_REDUNDANCY = Classes(
-    (0.1, 0.3, 0.6),
-    ("below 0.1", "0.1 to 0.3", "0.3 to 0.6", "0.6 and more"),
-)
-
 CONTROL_SHAPES = (
     ("control", "triangle", "f-series-3 rim", 5.5),
     ("control, height only", "down", "f-series-6 rim", 5.0),
@@ -166,14 +162,15 @@ def _draw_photos(plot: Plot, view: GroundView) -> None:
     chosen = thinned(view.centres, _MOST_PHOTOS)
     whole = np.intersect1d(view.whole, chosen)
     plot.areas(view.footprints[whole], "line thin l-series-1 faint")
-    for strip in block.strips:
+    strips = block.strips if view.axes == (0, 1) else ()  # of stations around an object it is none
+    for strip in strips:
         places = view.centres[[at[photo] for photo in strip.photos if photo in at]]
         plot.line(places, "dashed l-soft")
     plot.marks("plus", view.centres[chosen], "line l-series-1", 4.0)
     if len(whole):
         plot.explain(Entry("area", "photo on the ground", "line thin l-series-1"))
     plot.explain(Entry("mark", "projection centre", "line l-series-1", "plus", 4.0))
-    if block.strips:
+    if strips:
         plot.explain(Entry("line", "strip", "line dashed l-soft"))
     if len(chosen) < len(view.centres):
         plot.note(
@@ -186,7 +183,7 @@ def _draw_points(plot: Plot, view: GroundView, flagged: Bools) -> tuple[str, ...
     known = np.flatnonzero(view.near & np.isfinite(r))
     order = known[np.argsort(r[known], kind="stable")]  # the weakest of a cell first
     chosen = order[thinned(view.at[order], _MOST_POINTS, flagged[order])]
-    draw_classes(plot, view.at[chosen], r[chosen], _REDUNDANCY, what="r", turned=True)
+    draw_classes(plot, view.at[chosen], r[chosen], REDUNDANCY_CLASSES, what="r", turned=True)
     if len(chosen) == len(known):
         return ()
     return (
@@ -225,7 +222,7 @@ def _draw_ellipses(
     plot.ellipses(view.at[chosen], covariance[chosen], times, "line thin l-ink")
     length = round_down(2.0 * _SMALLEST / plot.frame.scale[0] / times)
     wide = length * plot.frame.scale[0] * times
-    label = f"error ellipse, half axis {_length(length)}"
+    label = f"error ellipse, half axis {length_of(length)}"
     plot.explain(Entry("ellipse", label, "line thin l-ink", length=2.0 * wide))
     there = int(np.count_nonzero(np.isfinite(np.einsum("nii->n", covariance)) & view.near))
     if len(chosen) < len(drawn):
@@ -233,11 +230,11 @@ def _draw_ellipses(
     return ()
 
 
-def _length(metres: float) -> str:
-    """Return a round length as it is read."""
+def length_of(metres: float) -> str:
+    """Return a length on the ground as it is read."""
     for unit, factor in (("m", 1.0), ("mm", 1e3), ("µm", 1e6)):
         if metres * factor >= 1.0 or unit == "µm":
-            return f"{metres * factor:g} {unit}"
+            return f"{metres * factor:.3g} {unit}"
     raise AssertionError
 
 

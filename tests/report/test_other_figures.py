@@ -1,0 +1,195 @@
+"""Figures of models, correlations, epochs and plans."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from svgs import SVG, paths, runs, sound, texts
+
+from anaplot.adjustment.hypothesis import critical_f
+from anaplot.bundle.adjust import adjust_block
+from anaplot.bundle.epochs.displacements import compare_epochs
+from anaplot.bundle.epochs.displacementtests import EpochTests, epoch_tests
+from anaplot.bundle.solve.additional import additional_parameters
+from anaplot.orientation.accuracy import model_accuracy
+from anaplot.photogrammetry.block import Block
+from anaplot.planning.idealblock import IdealBlock, photograph
+from anaplot.report.figures.blockmap import block_map
+from anaplot.report.figures.correlations import (
+    orientation_matrix,
+    parameter_matrix,
+    residual_matrix,
+)
+from anaplot.report.figures.epochs import displacement_heights, displacement_map
+from anaplot.report.figures.modelfigure import model_figure
+from anaplot.report.figures.photobars import photo_redundancy
+from anaplot.report.planblock import planned_block
+from anaplot.report.plannetwork import planned_network
+from anaplot.report.planpattern import planned_pattern
+
+
+@cache
+def layout() -> IdealBlock:
+    return planned_block(strips=2, photos=4).result.made
+
+
+def epoch(seed: int, moved: Mapping[str, tuple[float, float, float]] | None = None) -> Block:
+    """The same photos and points with other noise; `moved` by name [m]."""
+    made, random = layout(), np.random.default_rng(seed)
+    points = {
+        name: at + np.array((moved or {}).get(name, (0.0, 0.0, 0.0)))
+        for name, at in made.points.items()
+    }
+    control = tuple(replace(row, sigma=(0.02, 0.02, 0.02)) for row in made.block.control)
+    found = photograph(
+        f"of {seed}", made.block.cameras, made.stations, points, control=control
+    ).block
+    noise = random.normal(0.0, 0.005, (len(found.image_points), 2)).tolist()
+    rows = (
+        replace(row, x=row.x + x, y=row.y + y)
+        for row, (x, y) in zip(found.image_points, noise, strict=True)
+    )
+    return replace(found, image_points=tuple(rows))
+
+
+def test_the_figure_of_ten_points_has_the_transfers_of_1983() -> None:
+    """Figure 7a: L1 to L2 in y -.339 at r .258, of three pairs critical or serious."""
+    solution = planned_pattern("10/5", base=90.0, d=99.0, c=150.0).result.solution
+    drawing = model_figure(solution, solution.tested.transfers(), planned=True)
+    assert drawing is not None
+    root = sound(drawing)
+    shown = texts(root)
+    assert "y→y −0.34" in shown or "y→y −0.33" in shown
+    assert "y 0.26  x 0.62" in shown
+    heavy = [one for d in paths(root, "bold") for one in runs(d) if len(one) == 2]
+    # 1 to 12 and 3 to 23, and the one in the legend
+    assert len(heavy) == 3
+    upright = [one for one in heavy if abs(one[1, 0] - one[0, 0]) < 0.3]
+    assert len(upright) == 2
+    assert "2 critical transfers" in drawing.description
+
+
+def test_a_flagged_point_is_ringed_and_bad() -> None:
+    plan = planned_pattern("9/3").result
+    solution = plan.solution
+    plain = model_figure(solution)
+    assert plain is not None
+    assert not paths(sound(plain), "l-bad")
+    flagged = np.zeros(len(solution.tested), dtype=bool)
+    flagged[0] = True
+    object.__setattr__(solution.tested, "flagged", flagged)
+    solution.__dict__.pop("table", None)
+    drawing = model_figure(solution)
+    assert drawing is not None
+    root = sound(drawing)
+    assert sum(d.count("M") for d in paths(root, "l-bad")) == 2  # and the legend's
+    bad = [one for one in root.iter(f"{SVG}text") if "t-bad" in one.get("class", "")]
+    assert [one.text for one in bad] == [solution.tested.keys[0][0]]
+
+
+def test_correlations_of_an_orientation_are_those_of_its_accuracy() -> None:
+    solution = planned_pattern("9/3").result.solution
+    accuracy = model_accuracy(solution)
+    drawing = orientation_matrix(solution)
+    shown = texts(sound(drawing))
+    for name in accuracy.elements:
+        assert shown.count(name) == 2
+    first, second, rho = accuracy.strongest
+    assert f"{rho:.3f}".replace("-", "−") in drawing.description
+    assert first in drawing.description
+    assert second in drawing.description
+    residuals = residual_matrix(solution)
+    assert residuals is not None
+    assert f"{len(solution.tested)} rows" in residuals.description
+
+
+@pytest.fixture(scope="module")
+def compared() -> EpochTests:
+    moved = {"03-02": (0.5, -0.3, 0.0), "03-03": (0.0, 0.0, -2.0)}
+    return epoch_tests(compare_epochs(epoch(1), epoch(2, moved=moved)), alpha=0.05)
+
+
+def test_displacements_begin_at_their_points(compared: EpochTests) -> None:
+    drawing = displacement_map(compared)
+    assert drawing is not None
+    root = sound(drawing)
+    found = compared.differences
+    moved = [p.point for p in compared.points if p.verdict is not None and p.verdict.rejected]
+    assert "03-02" in moved
+    assert f"{len(moved)} moved" in drawing.description
+    (bold,) = (d for d in paths(root, "bold"))
+    shafts = [one for one in runs(bold) if len(one) == 2]
+    assert len(shafts) == len(moved)
+    k = found.points.index("03-02")
+    d = found.d.reshape(-1, 3)[k, :2]
+    shaft = shafts[moved.index("03-02")]
+    step = (shaft[1] - shaft[0]) * [1, -1]
+    assert step / np.hypot(*step) == pytest.approx(d / np.hypot(*d), abs=0.02)
+
+
+def test_confidence_ellipses_have_the_factor_of_their_distribution(compared: EpochTests) -> None:
+    drawing = displacement_map(compared)
+    assert drawing is not None
+    root = sound(drawing)
+    found = compared.differences
+    (d,) = (d for d in paths(root, "thin") if d.count("M") > 1)
+    first = d.split("z")[0].split("a")[1].split(" ")
+    sigma2 = found.vtpv / found.redundancy
+    q = found.cofactors[:2, :2] * (1.0 if found.by_known else sigma2)
+    degrees = None if found.by_known else found.redundancy
+    half = np.sqrt(np.linalg.eigvalsh(q) * 2.0 * critical_f(0.05, 2, degrees))
+    assert float(first[0]) / float(first[1]) == pytest.approx(half[1] / half[0], rel=0.02)
+    (arrow,) = (d for d in paths(root, "bold"))
+    k = found.points.index("03-02")
+    moved = found.d.reshape(-1, 3)[k, :2]
+    shaft = next(one for one in runs(arrow) if len(one) == 2)
+    scale = np.hypot(*(shaft[1] - shaft[0])) / np.hypot(*moved)
+    assert float(first[0]) == pytest.approx(half[1] * scale, rel=0.03)
+
+
+def test_heights_are_bars_with_their_signs(compared: EpochTests) -> None:
+    drawing = displacement_heights(compared)
+    assert drawing is not None
+    shown = texts(sound(drawing))
+    k = compared.differences.points.index("03-03")
+    dz = compared.differences.d[3 * k + 2]
+    assert f"{1e3 * dz:,.1f}".replace("-", "−").replace(",", "") in [
+        one.replace(" ", "") for one in shown
+    ]
+    assert shown.index("03-03") < shown.index("03-02") or "03-02" not in shown
+
+
+def test_plans_are_drawn_without_flags() -> None:
+    block = planned_block(strips=2, photos=4).result.block
+    drawing = block_map(block, planned=True, title="Planned block")
+    root = sound(drawing)
+    assert "flagged" not in " ".join(texts(root))
+    assert drawing.description.startswith("Planned block")
+    bars = photo_redundancy(block)
+    assert bars is not None
+    assert "8 photos" in bars.description
+    sound(bars)
+
+
+def test_what_photos_look_at_levelly_is_drawn_from_the_side() -> None:
+    found = planned_network("cube", case="B").result
+    root = sound(block_map(found.block, planned=True))
+    assert {"X [m]", "Z [m]"} <= set(texts(root))
+    assert not paths(root, "faint")
+
+
+def test_parameters_have_their_correlations() -> None:
+    block = adjust_block(epoch(3), additional=additional_parameters("ebner", 20.0))
+    drawing = parameter_matrix(block)
+    assert drawing is not None
+    assert "12 parameters" in drawing.description
+    shown = texts(sound(drawing))
+    assert shown.count("b12") == 2
+    q = block.cofactors.shared
+    rho = q[11, 5] / np.sqrt(q[11, 11] * q[5, 5])
+    assert f"{rho:.2f}".replace("-", "−") in shown
+    assert parameter_matrix(adjust_block(epoch(3))) is None
