@@ -104,19 +104,6 @@ def test_places_of_one_kind_add_up_and_kinds_narrow_down(capsys) -> None:
         rows_in(names, ["2"])
 
 
-def test_the_commands_of_the_document(tmp_path: Path, capsys, monkeypatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    text = (Path(__file__).parents[2] / "docs" / "planning.md").read_text(encoding="utf-8")
-    calls = [
-        line.split()[1:] for line in text.splitlines() if line.startswith("    anaplot plan simul")
-    ]
-    assert len(calls) >= 3
-    for call in calls:
-        whole = "--list" in call or "--to-block" in call
-        quick = [] if whole else ["--runs", "2", "--processes", "1"]
-        assert main([*call, *quick]) == 0, capsys.readouterr().err
-
-
 def test_a_block_a_pattern_file_and_a_network_file(tmp_path: Path, capsys) -> None:
     block = tmp_path / "block"
     assert main(["plan", "block", "--strips", "2", "--photos", "3", "--to", str(block)]) == 0
