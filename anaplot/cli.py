@@ -244,6 +244,20 @@ def _pointing(options: argparse.Namespace) -> int:
     return run_pointing(options)
 
 
+def _completion(options: argparse.Namespace) -> int:
+    from anaplot.report.completion import completion_script
+
+    print(completion_script(command_parser(), options.shell))
+    return 0
+
+
+def _manual(_: argparse.Namespace) -> int:
+    from anaplot.report.manualpage import manual_page
+
+    print(manual_page(command_parser()), end="")
+    return 0
+
+
 def _compare(options: argparse.Namespace) -> int:
     from anaplot.exchange.blockfolder import block_files
     from anaplot.report.comparecommand import compare
@@ -407,6 +421,25 @@ def command_parser() -> CommandParser:
         "anaplot unpack backup/monday.zip -o monday",
     )
     add_unpack_arguments(unpack)
+
+    commands.group("for the shell")
+    completion = commands.add(
+        "completion",
+        _completion,
+        "a script with which a shell completes commands, options, names and files",
+        "anaplot completion bash > anaplot.bash",
+        "anaplot completion fish > anaplot.fish",
+    )
+    completion.add_argument(
+        "shell", choices=("bash", "zsh", "fish"), metavar="SHELL", help="bash, zsh or fish"
+    )
+    commands.add(
+        "manual",
+        _manual,
+        "the manual page of all commands, for man",
+        "anaplot manual > anaplot.1",
+        "anaplot manual | man -l -",
+    )
     return parser
 
 

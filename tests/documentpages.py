@@ -28,6 +28,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Collection, Iterator
+from itertools import takewhile
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -145,7 +146,8 @@ def parsed(words: list[str]) -> str | None:
     argparse.ArgumentParser.parse_args = only  # type: ignore[assignment, method-assign]
     try:
         with contextlib.redirect_stderr(told), contextlib.redirect_stdout(told):
-            code = main(words)
+            # what the shell does with the output is no word of it
+            code = main(list(takewhile(lambda word: word not in (">", "|"), words)))
     except SystemExit as end:  # --help, --version
         code = end.code
     finally:

@@ -41,11 +41,17 @@ LOADED = "print(*sorted({name.split('.')[0] for name in sys.modules}))"
         "import anaplot.cli, contextlib, io\n"
         "with contextlib.suppress(SystemExit), contextlib.redirect_stdout(io.StringIO()):\n"
         "    anaplot.cli.main(['--help'])",
+        # an error with its nearest name, and none at all
+        "import anaplot.cli\nassert anaplot.cli.main(['adjust', 'b', '--jsn']) == 2",
+        "import anaplot.cli\nassert anaplot.cli.main([]) == 2",
+        "import anaplot.cli, contextlib, io\n"
+        "with contextlib.redirect_stdout(io.StringIO()):\n"
+        "    assert anaplot.cli.main(['manual']) == 0",
     ],
 )
 def test_the_command_line_starts_with_nothing(code: str) -> None:
     loaded = python(f"import sys\n{code}\n{LOADED}").split()
-    assert not {"numpy", "scipy", "textual", "serial", "jinja2"} & set(loaded)
+    assert not {"numpy", "scipy", "textual", "serial", "jinja2", "shtab"} & set(loaded)
 
 
 ROOMS = (

@@ -26,6 +26,7 @@ __all__ = [
     "AdditionalParameters",
     "ParameterSet",
     "Scope",
+    "SetName",
     "additional_parameters",
     "automatic_sets",
     "ebner",
