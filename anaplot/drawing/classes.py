@@ -16,7 +16,7 @@ from anaplot.drawing.plot import Plot
 __all__ = ["Classes", "classes_of", "draw_classes"]
 
 _SIZES = (2.0, 2.8, 3.6, 4.6, 5.8)  # half of what a mark is wide, by class
-_RIMMED = 3000  # marks up to which each has a rim
+_RIMMED = 1500  # marks up to which each has a rim
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +83,8 @@ def draw_classes(
     *,
     what: str = "",
     turned: bool = False,
+    size: float = 1.0,
+    every: Array | None = None,
 ) -> None:
     """Draw (n, 2) points by the classes of (n,) values, the highest class above the others.
 
@@ -94,16 +96,22 @@ def draw_classes(
         Stands before the labels of the legend.
     turned
         Whether the lowest class is the most conspicuous one.
+    size
+        Factor of the size of the marks.
+    every
+        The values that the legend counts, where not all of them are drawn.
     """
     of = classes.of(values)
+    counts = np.bincount(
+        classes.of(values if every is None else every), minlength=len(classes.labels)
+    )
     rim = " rim" if len(at) <= _RIMMED else ""
     steps = [classes.step(k) for k in range(len(classes.labels))]
     if turned:
         steps.reverse()
     for k, step in sorted(enumerate(steps), key=lambda pair: pair[1]):
         label = classes.labels[k]
-        size = _SIZES[step - 1]
-        plot.marks("circle", at[of == k], f"f-ramp-{step}{rim}", size)
-        count = int(np.count_nonzero(of == k))
-        named = f"{what} {label} ({count})".strip()
-        plot.explain(Entry("mark", named, f"f-ramp-{step} rim", "circle", size))
+        half = size * _SIZES[step - 1]
+        plot.marks("circle", at[of == k], f"f-ramp-{step}{rim}", half)
+        named = f"{what} {label} ({counts[k]})".strip()
+        plot.explain(Entry("mark", named, f"f-ramp-{step} rim", "circle", half))

@@ -221,8 +221,11 @@ def test_large_blocks_are_thinned_and_say_so(
     root = sound(drawing)
     drawn = sum(len(re.findall("M", d)) for k in range(1, 6) for d in paths(root, f"f-ramp-{k}"))
     assert drawn <= 20 + 5
+    legend = [re.fullmatch(r"r [^(]*\((\d+)\)", one) for one in texts(root)]
+    drawn_all = [int(found[1]) for found in legend if found]
+    assert sum(drawn_all) == len(block.problem.points)  # the legend counts all
     notes = " ".join(texts(root))
     assert re.search(r"\d+ of \d+ points are drawn", notes)
-    assert re.search(r"\d of 8 photos are drawn", notes)
+    assert re.search(r"\d of 8 projection centres are drawn", notes)
     assert re.search(r"\d of \d+ error ellipses are drawn", notes)
     assert re.search(r"\d+ of \d+ points are drawn", redundancy_map(block).description)  # type: ignore[union-attr]

@@ -18,12 +18,16 @@ from anaplot.drawing.plot import Head, Plot
 from anaplot.drawing.thinning import thinned
 from anaplot.drawing.ticks import round_down, written
 from anaplot.report.columns import counted
+from anaplot.report.figures.crowding import sampled
 from anaplot.report.figures.groundview import GroundView, ground_view
 from anaplot.report.figures.modelfigure import REDUNDANCY_CLASSES
 
 __all__ = ["CONTROL_SHAPES", "block_map", "draw_control", "length_of"]
 
-_MOST_POINTS, _MOST_PHOTOS, _MOST_ELLIPSES, _MOST_FLAGGED = 4000, 600, 400, 300
+_MOST_POINTS, _MOST_PHOTOS, _MOST_FOOTPRINTS, _MOST_FLAGGED = 4000, 1500, 150, 300
+_MOST_WEAK, _NAMED_OF_MANY = 30, 12
+_MOST_ELLIPSES, _ROOM_OF_ELLIPSE = 300, 1600.0  # and in square units of the drawing
+_FEWEST_ELLIPSES = 40
 _SMALLEST, _LARGEST = 11.0, 30.0  # units of the drawing: half axis of the larger ellipses
 _SPACING = 0.35  # of the mean distance of points: the same, between those
 _TOO_LARGE = 60.0
@@ -68,21 +72,24 @@ def _control_of(block: AdjustedBlock) -> _Control:
     return _Control(np.array(at, dtype=np.intp), np.array(kind, dtype=np.intp), names)
 
 
-def draw_control(plot: Plot, view: GroundView, *, hollow: bool = False) -> tuple[Array, list[str]]:
+def draw_control(
+    plot: Plot, view: GroundView, *, hollow: bool = False, size: float = 1.0
+) -> tuple[Array, list[str]]:
     """Draw control and check points, and return where they are and their names.
 
-    `hollow`: in outline, so that what is beneath is seen.
+    `hollow`: in outline, so that what is beneath is seen; `size`: factor of the marks' size.
     """
     found = _control_of(view.block)
     places = view.at[found.at]
-    for k, (label, shape, classes, size) in enumerate(CONTROL_SHAPES):
+    for k, (label, shape, classes, half) in enumerate(CONTROL_SHAPES):
         of = found.kind == k
+        half *= size
         if hollow:
-            classes, size = "line l-ink", size + 1.5
+            classes, half = "line l-ink", half + 1.5
         if of.any():
-            plot.marks(shape, places[of], classes, size)  # type: ignore[arg-type]
+            plot.marks(shape, places[of], classes, half)  # type: ignore[arg-type]
             text = f"{label} ({int(of.sum())})"
-            plot.explain(Entry("mark", text, classes, shape, size))  # type: ignore[arg-type]
+            plot.explain(Entry("mark", text, classes, shape, half))  # type: ignore[arg-type]
     order = np.argsort(found.kind == 1, kind="stable")  # heights inside come last
     return places[order], [found.names[k] for k in order.tolist()]
 
@@ -127,18 +134,19 @@ def block_map(
     plot = Plot(head, view.frame(head, view.centres, corners))
     plot.axes(*view.titles, grid=False)
     _draw_photos(plot, view)
-    notes = _draw_points(plot, view, flagged)
+    size, notes = _draw_points(plot, view, flagged)
     if times:
         notes += _draw_ellipses(plot, view, ellipses, drawn, times)
-    places, names = draw_control(plot, view)
-    some = np.flatnonzero(flagged & view.near)[:_MOST_FLAGGED]
-    plot.marks("circle", view.at[some], "line bold l-bad", 8.0)
-    plot.marks("cross", view.at[some], "line bold l-bad", 4.0)
+    places, names = draw_control(plot, view, size=max(size, 0.7))
+    some = _worst(block, np.flatnonzero(flagged & view.near))[:_MOST_FLAGGED]
+    bold = "line bold l-bad" if size == 1.0 else "line l-bad"
+    plot.marks("circle", view.at[some], bold, 8.0 * size)
+    plot.marks("cross", view.at[some], bold, 4.0 * size)
     if len(some):
-        plot.explain(Entry("mark", "flagged", "line bold l-bad", "circle", 6.5))
+        plot.explain(Entry("mark", f"flagged ({int(flagged.sum())})", bold, "circle", 6.5 * size))
     if flagged.sum() > len(some):
-        notes += (f"{len(some)} of {int(flagged.sum())} flagged points are drawn.",)
-    _name(plot, view, places, names, some)
+        notes += (f"{len(some)} of {int(flagged.sum())} flagged points are drawn, the worst ones.",)
+    _name(plot, view, places, names, some if size == 1.0 else some[:_NAMED_OF_MANY])
     plot.note(*notes, *view.far_note)
     return plot.drawing(_description(view, flagged, counts, times, planned))
 
@@ -160,13 +168,14 @@ def _draw_photos(plot: Plot, view: GroundView) -> None:
     block = view.block.problem.block
     at = {name: k for k, name in enumerate(view.block.problem.photos)}
     chosen = thinned(view.centres, _MOST_PHOTOS)
-    whole = np.intersect1d(view.whole, chosen)
+    whole = view.whole if len(view.centres) <= _MOST_FOOTPRINTS else view.whole[:0]
     plot.areas(view.footprints[whole], "line thin l-series-1 faint")
     strips = block.strips if view.axes == (0, 1) else ()  # of stations around an object it is none
     for strip in strips:
         places = view.centres[[at[photo] for photo in strip.photos if photo in at]]
         plot.line(places, "dashed l-soft")
-    plot.marks("plus", view.centres[chosen], "line l-series-1", 4.0)
+    half = 4.0 if len(whole) or len(chosen) < _MOST_FOOTPRINTS else 2.5
+    plot.marks("plus", view.centres[chosen], "line l-series-1", half)
     if len(whole):
         plot.explain(Entry("area", "photo on the ground", "line thin l-series-1"))
     plot.explain(Entry("mark", "projection centre", "line l-series-1", "plus", 4.0))
@@ -174,22 +183,43 @@ def _draw_photos(plot: Plot, view: GroundView) -> None:
         plot.explain(Entry("line", "strip", "line dashed l-soft"))
     if len(chosen) < len(view.centres):
         plot.note(
-            f"{len(chosen)} of {len(view.centres)} photos are drawn, one in each part of the map."
+            f"{len(chosen)} of {len(view.centres)} projection centres are drawn, one in each part "
+            "of the map."
         )
+    if len(whole) < len(view.whole):
+        plot.note(f"Footprints are drawn of blocks up to {_MOST_FOOTPRINTS} photos.")
 
 
-def _draw_points(plot: Plot, view: GroundView, flagged: Bools) -> tuple[str, ...]:
+def _draw_points(plot: Plot, view: GroundView, flagged: Bools) -> tuple[float, tuple[str, ...]]:
+    """Draw the points, and return the factor of the size of marks and what was left out."""
     r = mean_redundancy(view.block)
     known = np.flatnonzero(view.near & np.isfinite(r))
-    order = known[np.argsort(r[known], kind="stable")]  # the weakest of a cell first
-    chosen = order[thinned(view.at[order], _MOST_POINTS, flagged[order])]
-    draw_classes(plot, view.at[chosen], r[chosen], REDUNDANCY_CLASSES, what="r", turned=True)
-    if len(chosen) == len(known):
-        return ()
-    return (
-        f"{len(chosen)} of {len(known)} points are drawn: the flagged ones and the weakest of each "
-        "part of the map.",
+    weakest = known[np.argsort(r[known], kind="stable")][:_MOST_WEAK]
+    first = np.concatenate((known[flagged[known]], weakest[~flagged[weakest]]))
+    chosen, size = sampled(plot, view.at, known, first, _MOST_POINTS)
+    draw_classes(
+        plot,
+        view.at[chosen],
+        r[chosen],
+        REDUNDANCY_CLASSES,
+        what="r",
+        turned=True,
+        size=size,
+        every=r[known],
     )
+    if len(chosen) == len(known):
+        return size, ()
+    return size, (
+        f"{len(chosen)} of {len(known)} points are drawn: flagged ones, the weakest "
+        f"{len(weakest)}, and one in each part of the map; the legend counts all.",
+    )
+
+
+def _worst(block: AdjustedBlock, points: Index) -> Index:
+    """Return points by the largest abs(w) of their image coordinates, the worst first."""
+    largest = np.zeros(len(block.problem.points))
+    np.maximum.at(largest, block.problem.point, np.nan_to_num(np.abs(block.w)).max(axis=1))
+    return points[np.argsort(-largest[points], kind="stable")]
 
 
 def _ellipses(view: GroundView) -> Array:
@@ -218,7 +248,9 @@ def _draw_ellipses(
     drawn = drawn[view.near[drawn]]
     size = np.einsum("nii->n", covariance[drawn])
     drawn = drawn[np.argsort(-size, kind="stable")]  # the largest of a cell first
-    chosen = drawn[thinned(view.at[drawn], _MOST_ELLIPSES)]
+    room = plot.frame.places(view.at[view.near])
+    most = max(int(np.prod(np.ptp(room, axis=0)) / _ROOM_OF_ELLIPSE), _FEWEST_ELLIPSES)
+    chosen = drawn[thinned(view.at[drawn], min(most, _MOST_ELLIPSES))]
     plot.ellipses(view.at[chosen], covariance[chosen], times, "line thin l-ink")
     length = round_down(2.0 * _SMALLEST / plot.frame.scale[0] / times)
     wide = length * plot.frame.scale[0] * times

@@ -6,12 +6,14 @@ import numpy as np
 
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.rulesofthumb import LEAST_RI
-from anaplot.drawing.charts.bars import MOST_BARS, bars
+from anaplot.drawing.charts.bars import bars
 from anaplot.drawing.drawing import Drawing
 from anaplot.drawing.plot import Head
 from anaplot.report.columns import counted
 
 __all__ = ["photo_redundancy"]
+
+_MOST = 24
 
 
 def photo_redundancy(block: AdjustedBlock, *, key: str = "photo-redundancy") -> Drawing | None:
@@ -27,7 +29,7 @@ def photo_redundancy(block: AdjustedBlock, *, key: str = "photo-redundancy") -> 
     if not len(there):
         return None
     r = total[there] / counts[there]
-    order = np.argsort(r, kind="stable")[:MOST_BARS]
+    order = np.argsort(r, kind="stable")[:_MOST]
     names = [problem.photos[there[k]] for k in order.tolist()]
     weak = int(np.count_nonzero(r < LEAST_RI))
     title = "Redundancy number by photo"

@@ -11,10 +11,10 @@ from anaplot.drawing.classes import classes_of, draw_classes
 from anaplot.drawing.drawing import Drawing
 from anaplot.drawing.legend import Entry
 from anaplot.drawing.plot import Head, Plot
-from anaplot.drawing.thinning import thinned
 from anaplot.drawing.ticks import written
 from anaplot.report.columns import counted
 from anaplot.report.figures.blockmap import draw_control
+from anaplot.report.figures.crowding import sampled
 from anaplot.report.figures.groundview import ground_view
 from anaplot.report.figures.imageunits import image_units
 from anaplot.report.figures.pointvalues import (
@@ -25,7 +25,7 @@ from anaplot.report.figures.pointvalues import (
 
 __all__ = ["accuracy_maps", "detectable_map", "effect_map", "redundancy_map"]
 
-_MOST = 4000
+_MOST, _MOST_WEAK = 4000, 30
 _NAMED = 8
 
 
@@ -93,8 +93,7 @@ def _map(
     if not len(drawn):
         return None
     weak = -values if low_is_weak else values
-    drawn = drawn[np.argsort(-weak[drawn], kind="stable")]  # the weakest of a cell first
-    chosen = drawn[thinned(view.at[drawn], _MOST)]
+    drawn = drawn[np.argsort(-weak[drawn], kind="stable")]  # the weakest first
     shown = values[drawn]
     behind = f" {unit}" if unit else ""
     worst = drawn[0]
@@ -106,17 +105,26 @@ def _map(
     head = Head(key, title, f"{what}: {numbers}.")
     plot = Plot(head, view.frame(head))
     plot.axes(*view.titles)
-    draw_classes(plot, view.at[chosen], values[chosen], classes_of(shown, unit), turned=low_is_weak)
+    chosen, size = sampled(plot, view.at, drawn, drawn[:_MOST_WEAK], _MOST)
+    draw_classes(
+        plot,
+        view.at[chosen],
+        values[chosen],
+        classes_of(shown, unit),
+        turned=low_is_weak,
+        size=size,
+        every=shown,
+    )
     if len(never):
         places = view.at[never[:_MOST]]
         plot.marks("cross", places, "line bold l-bad", 4.0)
         plot.explain(Entry("mark", f"no bound ({len(never)})", "line bold l-bad", "cross", 4.0))
     if len(chosen) < len(drawn):
         plot.note(
-            f"{len(chosen)} of {len(drawn)} points are drawn, the weakest of each part of the map; "
-            "the classes are those of all."
+            f"{len(chosen)} of {len(drawn)} points are drawn: the weakest {_MOST_WEAK}, and one in "
+            "each part of the map; the legend counts all."
         )
-    draw_control(plot, view, hollow=True)
+    draw_control(plot, view, hollow=True, size=max(size, 0.7))
     named = drawn[:_NAMED]
     plot.names(view.at[named], [names[k] for k in named.tolist()], obstacles=view.at[chosen[:3000]])
     plot.note(*view.far_note)
