@@ -4,7 +4,8 @@
   line of three dots alone stands for any lines, three dots in a line for anything in it. Where
   nothing stands below a command, its output is not compared. `# ends with 2` behind a command is
   its exit code.
-- A `bash` block holds commands alone, which end with 0.
+- A `bash` block holds commands alone, which end with 0. One with ` &` at its end goes on until the
+  page does; the next waits for its first line.
 - A `python` block is run.
 - `<!-- file: NAME -->` on the line before a block writes it into the page's folder.
 - `<!-- not run: REASON -->` there leaves a block out.
@@ -31,6 +32,8 @@ from collections.abc import Collection, Iterator
 from itertools import takewhile
 from pathlib import Path
 from typing import Any, NamedTuple
+
+from processes import running
 
 ROOT = Path(__file__).parents[1]
 SHELL = ("console", "bash", "first")
@@ -217,7 +220,7 @@ def run_page(text: str, name: str, folder: Path, *, left: Collection[str] = ()) 
 
     What its Python raises is raised.
     """
-    with contextlib.chdir(folder):
+    with contextlib.chdir(folder), contextlib.ExitStack() as going_on:
         for fence in fences(text):
             if fence.file is not None:
                 Path(fence.file).parent.mkdir(parents=True, exist_ok=True)
@@ -226,7 +229,12 @@ def run_page(text: str, name: str, folder: Path, *, left: Collection[str] = ()) 
                 continue
             elif fence.language in SHELL:
                 for command in commands(fence):
-                    if not stands_for_many(command.words):
+                    if command.words.endswith(" &"):
+                        words = [sys.executable, "-m", *shlex.split(command.words[:-2])]
+                        process = going_on.enter_context(running(words, stdin=subprocess.DEVNULL))
+                        assert process.stdout is not None
+                        yield Ran(command, process.poll() or 0, process.stdout.readline())
+                    elif not stands_for_many(command.words):
                         yield Ran(command, *run(command.words))
             elif fence.language == "python":
                 code = "\n" * (fence.line - 1) + "\n".join(fence.lines)

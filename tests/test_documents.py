@@ -12,6 +12,8 @@ from pathlib import Path
 import pytest
 from documentpages import RUN, SHELL, commands, fences, parsed, prose, run_page, stands_for_many
 
+from anaplot.plotter.profile import find_profiles, load_profile
+
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/*.md")])
 FILE = re.compile(r"`((?:[\w-]+/)*[\w-]+\.(?:py|toml|md)|(?:[\w-]+/)+)`")
@@ -25,7 +27,14 @@ ELSEWHERE = {
     ("papers.md", "inline"): "tests/test_papers.py",
 }
 # blocks that cannot be run, each with its reason on the line above it
-NOT_RUN = {"README.md": 2, "documents.md": 4, "errors.md": 1, "planning.md": 1}
+NOT_RUN = {
+    "README.md": 2,
+    "documents.md": 4,
+    "errors.md": 1,
+    "handbook.md": 1,
+    "instruments.md": 1,
+    "planning.md": 1,
+}
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
@@ -48,6 +57,14 @@ def language_runs(page: Path, language: str) -> bool:
     return language in RUN and (page.name, language) not in ELSEWHERE
 
 
+def test_the_instruments_are_those_that_ship() -> None:
+    page = (ROOT / "docs" / "instruments.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `([\w-]+)` \|[^|]*\| (two|one) \| (yes|) *\|", page, re.MULTILINE)
+    shipped = {name: load_profile(name) for name in find_profiles()}
+    assert {(name, "two" if len(of.axes) == 4 else "one", "yes" if of.drive else "")
+            for name, of in shipped.items()} == set(rows)  # fmt: skip
+
+
 def test_what_is_run_elsewhere_is() -> None:
     for (page, _), test in ELSEWHERE.items():
         assert page in (ROOT / test).read_text(encoding="utf-8")
@@ -66,7 +83,7 @@ def test_every_command_is_known(page: Path) -> None:
             assert shell or many or not calls, f"line {fence.line}: a block of bash, or console"
             # what is shown to be refused is run, and the answer compared
             right = [one.words for one in calls if one.ends != 2]
-            told = [(words, parsed(shlex.split(words)[1:])) for words in right]
+            told = [(words, parsed(shlex.split(words.removesuffix(" &"))[1:])) for words in right]
             wrong += [(fence.line, *one) for one in told if one[1] is not None]
     if (page.name, "inline") not in ELSEWHERE:
         for words in sorted(set(INLINE.findall(prose(text)))):
