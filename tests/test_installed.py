@@ -36,8 +36,15 @@ def test_the_wheel_carries_the_profiles_of_the_source_tree(tmp_path, monkeypatch
         cwd=ROOT,
     )
     (wheel,) = tmp_path.glob("anaplot-*.whl")
+    assert wheel.name.endswith("-py3-none-any.whl")  # the same for every system
     with zipfile.ZipFile(wheel) as archive:
+        carried = {Path(name) for name in archive.namelist()}
         archive.extractall(tmp_path / "site")
+    # what is no module is carried, too: templates of the report, the mark of its types
+    package = ROOT / "anaplot"
+    others = [p for p in package.rglob("*") if p.suffix not in (".py", ".pyc") and p.is_file()]
+    assert {p.relative_to(ROOT) for p in others} <= carried
+    assert not any(name.suffix in (".so", ".pyd", ".dll") for name in carried)
     installed = profiles_of(tmp_path / "site", tmp_path)
     source = profiles_of(ROOT, tmp_path)
     assert [row[:2] for row in installed] == [row[:2] for row in source]
