@@ -160,7 +160,7 @@ def weakly_held(sigma):
 @pytest.mark.slow
 @pytest.mark.parametrize("sigma", [1.0, 2.0])
 def test_a_datum_of_metres_with_noise(sigma):
-    """To .04 of the standard deviations, as README has it."""
+    """To .04 of the standard deviations, as docs/adjust.md has it."""
     halves = weakly_held(sigma)
     after, once = one_after_the_other(halves), adjust_block(halves.both)
     bending = given_tests(after).bending
