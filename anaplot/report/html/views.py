@@ -131,7 +131,7 @@ class BlockView:
     lines: tuple[LineView, ...] = ()
     words: tuple[str, ...] = ()
     table: TableView | None = None
-    drawing: Drawing | None = None
+    drawings: tuple[Drawing, ...] = ()
     section: SectionView | None = None
     defined: tuple[Defined, ...] = ()
 
@@ -241,7 +241,11 @@ class _Plan:
 
     def _blocks(self, blocks: Iterable[HtmlBlock], level: int) -> Iterator[BlockView]:
         lines: list[LineView] = []
+        drawings: list[Drawing] = []
         for block in blocks:
+            if drawings and not isinstance(block, Drawing):
+                yield BlockView("drawings", drawings=tuple(drawings))
+                drawings = []
             if isinstance(block, Line | Listed):
                 lines += _lines(block)
                 continue
@@ -252,7 +256,7 @@ class _Plan:
                 inner = self.section(block, min(level + 1, 6))
                 yield BlockView("section", section=inner)
             elif isinstance(block, Drawing):
-                yield BlockView("drawing", drawing=block)
+                drawings.append(block)
             elif isinstance(block, Definitions):
                 yield BlockView("definitions", defined=block.rows)
             elif isinstance(block, Facts):
@@ -261,6 +265,8 @@ class _Plan:
             else:
                 yield BlockView("table", table=self._table(block))
         yield from _paragraphs(lines)
+        if drawings:
+            yield BlockView("drawings", drawings=tuple(drawings))
 
     def _table(self, block: Table | Captioned) -> TableView:
         table, caption = (

@@ -12,6 +12,8 @@ from anaplot.report.html.parts import Defined, Definitions, Report, Section, tab
 
 __all__ = ["columns_shown", "with_definitions"]
 
+_MOST = 2  # tables that are named where a title means two things
+
 
 def columns_shown(report: Report) -> list[tuple[str, Column]]:
     """Return the columns that people read in a report, with the keys of their tables."""
@@ -39,7 +41,7 @@ def with_definitions(report: Report) -> Report:
     rows = tuple(
         Defined(
             ", ".join(
-                title if meanings[title] == 1 else f"{title} ({'; '.join(tables)})"
+                title if meanings[title] == 1 else f"{title} ({'; '.join([*tables][:_MOST])})"
                 for title, tables in titles.items()
             ),
             *found,
