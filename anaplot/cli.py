@@ -10,7 +10,7 @@ import threading
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from anaplot.console.terminal import need_terminal
 from anaplot.errors import AnaplotError, InputError, NotComputableError
@@ -41,6 +41,8 @@ from anaplot.report.sessionarguments import (
 from anaplot.version import __version__
 
 if TYPE_CHECKING:
+    from anaplot.report.computed import Computed
+    from anaplot.report.html.parts import Report
     from anaplot.session.state import SessionState
     from anaplot.station.station import Station
 
@@ -59,7 +61,13 @@ anaplot --help names all commands, anaplot COMMAND --help what one takes."""
 def _bridge(options: argparse.Namespace) -> int:
     from anaplot.report.bridgecommand import run_bridge
 
-    return run_bridge(options)
+    def report(found: Computed[Any]) -> Report:
+        from anaplot.exchange.blockfolder import read_block
+        from anaplot.report.html.pages.strippage import strip_report
+
+        return strip_report(found, read_block(options.block).name)
+
+    return run_bridge(options, report)
 
 
 def _adjust(options: argparse.Namespace) -> int:
@@ -260,14 +268,25 @@ def _manual(_: argparse.Namespace) -> int:
 
 def _compare(options: argparse.Namespace) -> int:
     from anaplot.exchange.blockfolder import block_files
+    from anaplot.exchange.blockpack import block_paths
     from anaplot.report.comparecommand import compare
+    from anaplot.report.pageoption import AskedPage
     from anaplot.report.running import run_computation
 
     epochs = (options.first, options.second, *options.more)
     reads = [file for epoch in epochs for file in block_files(epoch)]
-    if options.given_movement is not None:
-        reads.append(options.given_movement)
-    return run_computation(options, partial(compare, *epochs), reads)
+    more = [] if options.given_movement is None else [options.given_movement]
+
+    def report(found: Computed[Any]) -> Report:
+        from anaplot.report.html.pages.epochpage import epoch_report
+
+        return epoch_report(found)
+
+    def paths() -> list[Path]:
+        return [*(path for epoch in epochs for path in block_paths(epoch)), *more]
+
+    page = AskedPage.of(options, "compare", add_compare_arguments, paths, report)
+    return run_computation(options, partial(compare, *epochs), reads + more, page)
 
 
 def command_parser() -> CommandParser:

@@ -8,6 +8,7 @@ from pathlib import Path
 from anaplot.report.arguments import (
     add_matrix,
     add_output,
+    add_report_page,
     correlation,
     length,
     none_or_percentage,
@@ -37,6 +38,7 @@ def add_bridge_arguments(bridge: argparse.ArgumentParser) -> None:
         help="print the correlations of each model's orientation elements; --json always has them",
     )
     add_output(bridge, "the rows of the models")
+    add_report_page(bridge)
     bridge.add_argument(
         "--fail-on-flag",
         action="store_true",
@@ -435,6 +437,7 @@ def add_compare_arguments(parser: argparse.ArgumentParser) -> None:
         "them together (ANYTHING MOVED), default 0.05",
     )
     add_output(parser, "the displacements")
+    add_report_page(parser)
     parser.add_argument(
         "--fail-on-flag",
         action="store_true",

@@ -86,6 +86,9 @@ _PHOTOS = (
     number("redundancy", "redundancy", 2, 12),
     number("mean_r", "mean r", 3, 8),
     number("least_r", "least", 3, 7),
+    number("rms_x_um", "rms vx [um]", 2, 12, unit="um"),
+    number("rms_y_um", "rms vy [um]", 2, 12, unit="um"),
+    whole("flagged", "flagged", 8),
 )
 _PHOTO_ORDER = (
     *("photo", "X", "Y", "Z", "sX", "sY", "sZ"),

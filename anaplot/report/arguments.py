@@ -10,6 +10,7 @@ from pathlib import Path
 __all__ = [
     "add_matrix",
     "add_output",
+    "add_report_page",
     "between",
     "correlation",
     "length",
@@ -45,6 +46,16 @@ def add_output(parser: argparse.ArgumentParser, main: str, *, folder: bool = Tru
             metavar="FOLDER",
             help="write every table as CSV, and summary.json, into a new or empty folder",
         )
+
+
+def add_report_page(parser: argparse.ArgumentParser) -> None:
+    """Add the page that a command writes beside what it prints."""
+    parser.add_argument(
+        "--report",
+        type=Path,
+        metavar="FILE.html",
+        help="write the result as one page that stands by itself: verdict, figures, tables",
+    )
 
 
 def add_matrix(parser: argparse.ArgumentParser) -> None:

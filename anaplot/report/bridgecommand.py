@@ -6,6 +6,7 @@ import argparse
 import math
 from collections.abc import Sequence
 from contextlib import nullcontext
+from functools import partial
 from typing import NamedTuple, TypeAlias, get_args
 
 import numpy as np
@@ -15,6 +16,7 @@ from anaplot.adjustment.watch import Watch
 from anaplot.aliases import Progress, Strategy, TestKind
 from anaplot.errors import InputError, NotComputableError
 from anaplot.exchange.blockfolder import block_files, check_for_bridge
+from anaplot.exchange.blockpack import block_paths
 from anaplot.orientation.grosserrors import CleanedModel, CleanedStrip, strip_gross_errors
 from anaplot.orientation.model import orient as orient_pair
 from anaplot.orientation.results import ModelSolution
@@ -32,6 +34,7 @@ from anaplot.report.keywords import takes_options
 from anaplot.report.modeldocument import model_document, model_tables
 from anaplot.report.modelerrors import model_errors_document, rejected_table
 from anaplot.report.output import Output
+from anaplot.report.pageoption import AskedPage, MakesPage
 from anaplot.report.photocures import naming_wrong_photos, photo_cures
 from anaplot.report.running import BlockOrFolder, block_of, computed
 from anaplot.report.searchoptions import search_settings
@@ -66,8 +69,15 @@ class BridgedBlock(NamedTuple):
     cleaned: tuple[CleanedStrip, ...] | None = None
 
 
-def run_bridge(options: argparse.Namespace) -> int:
+def run_bridge(options: argparse.Namespace, report: MakesPage) -> int:
     """Form the models of every strip of a block folder and print them.
+
+    Parameters
+    ----------
+    options
+        Of the command line.
+    report
+        Makes the page that `--report` writes.
 
     Returns
     -------
@@ -81,9 +91,11 @@ def run_bridge(options: argparse.Namespace) -> int:
         Bad input; nothing is printed then.
     """
     output = Output.of(options)
-    output.check({"is read": block_files(options.block)})
+    reads = partial(block_paths, options.block)
+    page = AskedPage.of(options, "bridge", add_bridge_arguments, reads, report)
+    output.check({"is read": block_files(options.block), **page.uses})
     found = computed(options, bridge)
-    output.show(found.document)
+    output.show(page.shown(found))
     errors = [strip.error for strip in found.result.strips if strip.error is not None]
     for error in errors:
         complain(error)

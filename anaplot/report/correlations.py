@@ -14,7 +14,8 @@ from anaplot.report.document import (
     Document,
     Line,
     Listed,
-    for_programs,
+    name,
+    number,
     say,
     table,
 )
@@ -74,10 +75,14 @@ def correlated_rays(block: AdjustedBlock, limit: float) -> tuple[RayPair, ...]:
     return tuple(pairs)
 
 
-_COLUMNS = for_programs(
-    "point",
-    *(f"{which}_{part}" for which in ("first", "second") for part in ("photo", "model", "axis")),
-    "correlation",
+_COLUMNS = (
+    name("point", "POINT", 5),
+    *(
+        name(f"{which}_{part}", f"{which.upper()} {part.upper()}", none="")
+        for which in ("first", "second")
+        for part in ("photo", "model", "axis")
+    ),
+    number("correlation", "correlation", 3, 13),
 )
 
 

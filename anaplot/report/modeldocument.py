@@ -50,7 +50,7 @@ _PER_LINE = 6
 _SAME = {"points": _POINTS, "correlations": ELEMENT_COLUMNS, "matrix": MATRIX}
 _BASE, _ANGLES = ("bx", "by", "bz"), ("omega", "phi", "kappa")
 
-OF_MODEL = for_programs("strip", "left", "right")
+OF_MODEL = (name("strip", "STRIP", 5), name("left", "LEFT", 4), name("right", "RIGHT", 5))
 """What stands before the rows of several models' tables."""
 
 

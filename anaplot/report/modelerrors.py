@@ -19,10 +19,13 @@ from anaplot.report.document import (
     Names,
     Table,
     for_programs,
+    name,
     named,
+    number,
     say,
     stacked,
     table,
+    whole,
 )
 from anaplot.report.groundchange import change_json, change_lines
 from anaplot.report.modeldocument import OF_MODEL
@@ -32,8 +35,16 @@ from anaplot.report.searchoptions import sigma0_in_words
 __all__ = ["model_errors_document", "rejected_table"]
 
 _SHOWN_ODDS = 0.01  # smallest probability in the text
-_REJECTED = for_programs(
-    *("point", "axis", "w", "parx_um", "redn", "order", "statistic", "critical", "error_um")
+_REJECTED = (
+    name("point", "POINT", 5),
+    name("axis", gap=1),
+    number("w", "w", 2, 8),
+    number("parx_um", "PARX", 1, 8, unit="um"),
+    number("redn", "RED-N", 3, 8),
+    whole("order", "ORDER", 6),
+    number("statistic", "statistic", 2, 10),
+    number("critical", "critical", 2, 9),
+    number("error_um", "ERROR", 1, 9, unit="um"),
 )
 _EVIDENCE = for_programs(
     *("pass", "point", "axis", "order", "statistic", "critical", "redundancy_number")

@@ -18,6 +18,8 @@ from anaplot.report.document import (
     table,
     whole,
 )
+from anaplot.report.pageoption import AskedPage, MakesPage
+from anaplot.report.planarguments import add_network_arguments
 from anaplot.report.planblock import run_planned
 from anaplot.report.plannetwork import PlannedNetwork, network_files, planned_network
 from anaplot.report.running import run_side_by_side
@@ -47,8 +49,15 @@ _TESTS = (
 )
 
 
-def run_plan_network(options: argparse.Namespace) -> int:
+def run_plan_network(options: argparse.Namespace, report: MakesPage) -> int:
     """Say what a network is worth, or several versions of the cube side by side.
+
+    Parameters
+    ----------
+    options
+        Of the command line.
+    report
+        Makes the page that `--report` writes.
 
     Raises
     ------
@@ -57,9 +66,12 @@ def run_plan_network(options: argparse.Namespace) -> int:
     """
     versions = options.case
     if versions is None or len(versions) == 1:
-        return run_planned(options, planned_network, network_files(options.network))
-    if options.to is not None or options.point is not None or options.plant is not None:
-        raise InputError("--to, --point and --plant go with one version of the cube")
+        reads = network_files(options.network)
+        page = AskedPage.of(options, "plan network", add_network_arguments, lambda: reads, report)
+        return run_planned(options, planned_network, page, reads)
+    alone = (options.to, options.point, options.plant, options.report)
+    if any(given is not None for given in alone):
+        raise InputError("--to, --point, --plant and --report go with one version of the cube")
     reads = network_files(options.network)
     return run_side_by_side(options, "case", planned_network, compared_networks, reads)
 

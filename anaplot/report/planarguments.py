@@ -8,6 +8,7 @@ from pathlib import Path
 from anaplot.report.arguments import (
     add_matrix,
     add_output,
+    add_report_page,
     between,
     correlation,
     length,
@@ -142,6 +143,7 @@ def add_block_arguments(block: argparse.ArgumentParser) -> None:
         "0: they are not even looked for",
     )
     add_output(block, "the classes", folder=False)
+    add_report_page(block)
     block.add_argument(
         "--to", type=Path, metavar="FOLDER", help="write it as a new block, free of error"
     )
@@ -197,6 +199,7 @@ def add_network_arguments(network: argparse.ArgumentParser) -> None:
         "several with commas",
     )
     add_output(network, "points and photos", folder=False)
+    add_report_page(network)
     network.add_argument(
         "--to", type=Path, metavar="FOLDER", help="write it as a new block, free of error"
     )

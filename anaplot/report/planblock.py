@@ -17,7 +17,6 @@ from anaplot.planning.blockplan import (
     Accuracy,
     BlockPlan,
     PlannedClass,
-    WeakPhoto,
     class_table,
     expected_accuracy,
     plan_block,
@@ -42,7 +41,6 @@ from anaplot.report.document import (
     Document,
     Line,
     Listed,
-    for_programs,
     name,
     number,
     say,
@@ -51,6 +49,7 @@ from anaplot.report.document import (
 )
 from anaplot.report.keywords import takes_options
 from anaplot.report.output import Output
+from anaplot.report.pageoption import AskedPage
 from anaplot.report.planarguments import add_block_arguments
 from anaplot.report.rules import rules_json, rules_lines
 from anaplot.report.running import computed
@@ -208,6 +207,7 @@ class _Planned(Protocol):
 def run_planned(
     options: argparse.Namespace,
     compute: Callable[..., Computed[_Planned]],
+    page: AskedPage,
     reads: Iterable[Path] = (),
 ) -> int:
     """Plan a block or a network, write it where that is asked for, and show what is to be expected.
@@ -218,6 +218,8 @@ def run_planned(
         Of the command line.
     compute
         Plans it.
+    page
+        That `--report` writes.
     reads
         The files that it reads.
 
@@ -228,12 +230,13 @@ def run_planned(
     """
     outputs = () if options.to is None else block_files(options.to)
     output = Output.of(options)
-    output.check({"is read": reads, "is written": outputs}, options.to)
+    uses = {"is read": reads, "is written": outputs, **page.uses}
+    output.check(uses, options.to)
     found = computed(options, compute)
     if options.to is not None:
         # its image coordinates are free of error
         write_block(options.to, found.result.made.block)
-    output.show(found.document)
+    output.show(page.shown(found))
     return 0
 
 
@@ -250,7 +253,14 @@ _CLASSES = (
     number("mdb_um", "MDB um", 1, 9, unit="um"),
     Column("untestable", "untestable", 11, form=lambda count: str(count or "")),
 )
-_WEAK = for_programs(*WeakPhoto._fields)
+_WEAK = (
+    name("photo", "PHOTO", 5),
+    whole("rays", "RAYS", 6),
+    number("mean_r", "mean r", 3, 8),
+    number("low_r", "least", 3, 7),
+    name("point", "AT POINT", 8),
+    name("axis", gap=1),
+)
 
 
 def plan_block_document(found: PlannedBlock) -> Document:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from typing import TYPE_CHECKING, Any
 
 from anaplot.report.commandparser import Commands
 from anaplot.report.planarguments import (
@@ -13,6 +14,10 @@ from anaplot.report.planarguments import (
     add_run_arguments,
     add_simulate_arguments,
 )
+
+if TYPE_CHECKING:
+    from anaplot.report.computed import Computed
+    from anaplot.report.html.parts import Report
 
 __all__ = ["add_plan_commands"]
 
@@ -32,13 +37,23 @@ def _plan_simulate(options: argparse.Namespace) -> int:
 def _plan_block(options: argparse.Namespace) -> int:
     from anaplot.report.planseries import run_plan_block
 
-    return run_plan_block(options)
+    def report(found: Computed[Any]) -> Report:
+        from anaplot.report.html.pages.planpage import block_plan_report
+
+        return block_plan_report(found)
+
+    return run_plan_block(options, report)
 
 
 def _plan_network(options: argparse.Namespace) -> int:
     from anaplot.report.networkcomparison import run_plan_network
 
-    return run_plan_network(options)
+    def report(found: Computed[Any]) -> Report:
+        from anaplot.report.html.pages.planpage import network_plan_report
+
+        return network_plan_report(found)
+
+    return run_plan_network(options, report)
 
 
 def _plan_additional(options: argparse.Namespace) -> int:

@@ -70,6 +70,9 @@ _NAME = 10  # characters
 _CORRELATED = 24  # pairs that are shown
 
 
+_SPURS = (name("photo", "PHOTO", 5), name("point", "POINT", 5), name("axis"))
+
+
 class PlannedNetwork(NamedTuple):
     """A network that is planned.
 
@@ -221,7 +224,7 @@ def plan_network_document(
     rules, overall = rules_of_thumb(block), block.global_test()
     photos = _reliability("photos", found.photos, "PHOTO", "POINT", ())
     points = _reliability("points", found.points, "POINT", "PHOTO", ("sX", "sY", "sZ"))
-    spurs = table("spurs", for_programs("photo", "point", "axis"), block.spurs())
+    spurs = table("spurs", _SPURS, block.spurs())
     related = correlations_document(
         correlated_rays(block, limit), limit, most=_CORRELATED, more="  and {} more"
     )

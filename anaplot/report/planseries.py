@@ -23,6 +23,8 @@ from anaplot.report.document import (
     table,
     whole,
 )
+from anaplot.report.pageoption import AskedPage, MakesPage
+from anaplot.report.planarguments import add_block_arguments
 from anaplot.report.planblock import PlannedBlock, plan_lines, planned_block, run_planned
 from anaplot.report.running import run_side_by_side
 
@@ -44,8 +46,15 @@ class PlannedSeries(NamedTuple):
     classes: tuple[SeriesClass, ...]
 
 
-def run_plan_block(options: argparse.Namespace) -> int:
+def run_plan_block(options: argparse.Namespace, report: MakesPage) -> int:
     """Say what a block is worth, or what it is with several bridging distances.
+
+    Parameters
+    ----------
+    options
+        Of the command line.
+    report
+        Makes the page that `--report` writes.
 
     Raises
     ------
@@ -54,8 +63,10 @@ def run_plan_block(options: argparse.Namespace) -> int:
     """
     distances = options.bridging
     if distances is None or len(distances) == 1:
-        return run_planned(options, planned_block)
-    for option, given in (("--to", options.to), ("--stabilize", options.stabilize)):
+        page = AskedPage.of(options, "plan block", add_block_arguments, tuple, report)
+        return run_planned(options, planned_block, page)
+    asked = (("--to", options.to), ("--stabilize", options.stabilize), ("--report", options.report))
+    for option, given in asked:
         if given is not None:
             raise InputError(f"{option} goes with one bridging distance")
     twice = next((one for one in distances if distances.count(one) > 1), None)

@@ -13,9 +13,8 @@ from anaplot.exchange.blockfolder import block_files
 from anaplot.exchange.blockpack import block_paths
 from anaplot.report.adjustcommand import adjust
 from anaplot.report.blockadjustment import BlockAdjustment
-from anaplot.report.columns import counted
 from anaplot.report.computed import Computed
-from anaplot.report.document import Document, Line, say
+from anaplot.report.document import Document, say
 from anaplot.report.html.angles import AngleUnit, with_angles_in
 from anaplot.report.html.blocksections import Material, block_sections
 from anaplot.report.html.evidence import block_plates
@@ -31,13 +30,14 @@ from anaplot.report.html.sections.provenance import (
     unchanged,
 )
 from anaplot.report.html.sections.verdict import verdict_lines
-from anaplot.report.html.write import Written, check_report, write_report
+from anaplot.report.html.write import check_report, write_report
+from anaplot.report.html.written import written_answer, written_lines
 from anaplot.report.keywords import declared_options
 from anaplot.report.output import Output
 from anaplot.report.reportarguments import add_report_arguments
 from anaplot.report.running import computed
 
-__all__ = ["block_report", "run_report", "written_lines"]
+__all__ = ["block_report", "run_report"]
 
 
 def run_report(options: argparse.Namespace) -> int:
@@ -71,7 +71,11 @@ def run_report(options: argparse.Namespace) -> int:
     answer = {
         **document.answer,
         "inner": [plate.answer for plate in plates],
-        "report": {**_answer(written), **material.summary, "provenance": provenance_answer(made)},
+        "report": {
+            **written_answer(written),
+            **material.summary,
+            "provenance": provenance_answer(made),
+        },
     }
     output.show(Document(answer, written_lines(written), document.tables))
     return 1 if found.flagged and options.fail_on_flag else 0
@@ -132,34 +136,3 @@ def _named_files(options: argparse.Namespace) -> Iterator[Path]:
         for one in value if isinstance(value, list) else [value]:
             if isinstance(one, str | Path) and Path(one).is_file():
                 yield Path(one)
-
-
-def _answer(written: Written) -> dict[str, object]:
-    return {
-        "page": str(written.page),
-        "bytes": written.size,
-        "cut": [str(path) for path in written.cut],
-        "figures": [str(path) for path in written.figures],
-    }
-
-
-def written_lines(written: Written) -> tuple[Line, ...]:
-    """Return what is said of a report that was written."""
-    lines = [say("{}: written, {:.1f} MB", str(written.page), written.size / 1e6)]
-    if written.cut:
-        lines.append(
-            say(
-                "  {} cut to what needs a look; whole in {}",
-                counted(len(written.cut), "table is", "tables are"),
-                str(written.cut[0].parent),
-            )
-        )
-    if written.figures:
-        lines.append(
-            say(
-                "  {} in {}",
-                counted(len(written.figures), "figure"),
-                str(written.figures[0].parent),
-            )
-        )
-    return tuple(lines)

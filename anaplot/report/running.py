@@ -15,6 +15,7 @@ from anaplot.report.computed import Computed
 from anaplot.report.interrupts import EndingEarly
 from anaplot.report.keywords import keywords_of
 from anaplot.report.output import Output
+from anaplot.report.pageoption import AskedPage
 from anaplot.report.progress import ProgressLine
 from anaplot.textfiles.wording import place, plain
 
@@ -27,7 +28,10 @@ BlockOrFolder: TypeAlias = Block | str | os.PathLike[str]
 
 
 def run_computation(
-    options: argparse.Namespace, compute: Callable[..., Computed[T]], reads: Iterable[Path]
+    options: argparse.Namespace,
+    compute: Callable[..., Computed[T]],
+    reads: Iterable[Path],
+    page: AskedPage | None = None,
 ) -> int:
     """Run what a command computes and show it.
 
@@ -39,6 +43,8 @@ def run_computation(
         As `computed` has it.
     reads
         The files that it reads.
+    page
+        That `--report` writes; None: the command has no such option.
 
     Returns
     -------
@@ -51,9 +57,9 @@ def run_computation(
         Bad input, or what cannot be computed; nothing is printed then.
     """
     output = Output.of(options)
-    output.check({"is read": reads})
+    output.check({"is read": reads, **({} if page is None else page.uses)})
     found = computed(options, compute)
-    output.show(found.document)
+    output.show(found.document if page is None else page.shown(found))
     return 1 if found.flagged and options.fail_on_flag else 0
 
 

@@ -44,6 +44,10 @@ def test_checks_and_shares_are_those_of_the_rays_that_count():
         seen[photo] = {pairs[0][0].point for pairs in mine}
         assert found.rays == len(mine)
         assert (found.redundancy, found.mean_r) == pytest.approx((sum(r), np.mean(r)))
+        for axis, rms in (("x", found.rms_x_um), ("y", found.rms_y_um)):
+            v = [one.residual for pairs in mine for _, one in pairs if one.axis == axis]
+            assert rms == pytest.approx(np.sqrt(np.mean(np.square(v))))
+        assert found.flagged == sum(one.flagged for pairs in mine for _, one in pairs)
         assert found.least_r == pytest.approx(max(min(r), 0.0), abs=1e-12)
     told = photo_overlaps(block)
     for photo, mine in seen.items():

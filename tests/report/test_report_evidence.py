@@ -17,12 +17,14 @@ from anaplot.planning.blockplan import BlockPlan, plan_block
 from anaplot.report.adjustcommand import adjust
 from anaplot.report.bridgecommand import bridge
 from anaplot.report.document import Document, say
+from anaplot.report.html.blocksections import Material, block_sections
 from anaplot.report.html.evidence import block_plates, evidence_sections
-from anaplot.report.html.parts import Report, Section, sections_in
+from anaplot.report.html.parts import Report, Section, drawings_in, sections_in
 from anaplot.report.html.render import html_of
-from anaplot.report.html.sections import models
+from anaplot.report.html.sections import models, photoresiduals
 from anaplot.report.html.sections.innerorientations import inner_section, plates_in
 from anaplot.report.html.sections.models import models_section
+from anaplot.report.html.sections.photoresiduals import photo_residuals_section
 from anaplot.report.html.sections.switchedoff import protocol_blocks
 from anaplot.report.logcommand import log_document
 from anaplot.station.sessionlog import read_log
@@ -169,7 +171,8 @@ def test_a_block_with_everything(planned) -> None:
     for cells, one in zip(checks[1:], told["photos"], strict=True):
         assert cells == [
             one["photo"], str(one["rays"]), f"{one['redundancy']:.2f}", f"{one['mean_r']:.3f}",
-            f"{one['least_r']:.3f}",
+            f"{one['least_r']:.3f}", f"{one['rms_x_um']:.2f}", f"{one['rms_y_um']:.2f}",
+            str(one["flagged"]),
         ]  # fmt: skip
     overlaps = page.tables["Overlap of neighbouring photos"]
     assert [row[:3] for row in overlaps[1:]] == [
@@ -198,8 +201,8 @@ def test_a_block_with_nothing_of_that_says_it_in_lines(planned, tmp_path: Path) 
     rows = tuple(replace(row, use="xy", reason=None) for row in planned.image_points)
     bare = replace(planned, control=control, image_points=rows, strips=())
     sections = evidence_sections(adjust(bare))
-    assert titles(*sections) == [
-        "photo-checks", "photo-correlations", "given-points", "rejected", "off",
+    assert [one.key for one in sections] == [
+        "photo-checks", "photo-residuals", "given-points", "rejected", "off",
     ]  # fmt: skip
     text = Page(*sections).text
     assert "Nothing is switched off." in text
@@ -208,11 +211,25 @@ def test_a_block_with_nothing_of_that_says_it_in_lines(planned, tmp_path: Path) 
     assert "given-points" not in titles(*without)
 
 
+def test_of_many_photos_the_residuals_of_the_worst_are_drawn(planned, monkeypatch) -> None:
+    block = adjust(planned).result.block
+    flagged = {photo for _, photo, _, _ in block.suspects()}
+    assert 0 < len(flagged) < 4
+    section = photo_residuals_section(block)
+    assert next(drawings_in([section])).title.split()[-1] in flagged
+    assert len(list(drawings_in([section]))) == len(block.problem.photos) == 8
+    assert sum(isinstance(part, Section) for part in section.blocks) == 5
+    monkeypatch.setattr(photoresiduals, "MOST_PHOTOS", 2)
+    fewer = photo_residuals_section(block)
+    assert len(list(drawings_in([fewer]))) == 2
+    assert "2 of 8 photos are drawn" in Page(fewer).text
+
+
 def test_lengths_are_in_px_where_pixels_have_no_size(planned) -> None:
     (camera,) = planned.cameras
     side = camera.format[0]
     counted = Camera(camera.id, camera.c, camera.format, pixels=(int(1e3 * side),) * 2)
-    sections = evidence_sections(adjust(replace(planned, cameras=(counted,))))
+    sections = block_sections(Material(adjust(replace(planned, cameras=(counted,)))))
     off = Page(*sections).tables["Rows that are switched off, and the residuals they would have"]
     assert "vx [px]" in off[0]
 

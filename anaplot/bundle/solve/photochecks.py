@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
 
-from anaplot.aliases import Array, Index
+from anaplot.aliases import Array, Bools, Index
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.problem import Problem
 from anaplot.photogrammetry.overlap import footprints, overlap_shares
@@ -29,12 +30,19 @@ class PhotoCheck(NamedTuple):
         Sum of the redundancy numbers of its image coordinates.
     mean_r, least_r
         Mean and smallest of them; None where no coordinate counts.
+    rms_x_um, rms_y_um
+        Root mean squares of the residuals that count [um]; None where none does.
+    flagged
+        Number of its flagged image coordinates.
     """
 
     rays: int
     redundancy: float
     mean_r: float | None
     least_r: float | None
+    rms_x_um: float | None
+    rms_y_um: float | None
+    flagged: int
 
 
 class Overlap(NamedTuple):
@@ -70,12 +78,28 @@ def photo_checks(block: AdjustedBlock) -> tuple[PhotoCheck, ...]:
     total = np.bincount(problem.photo, r.sum(axis=1), n)
     least = np.full(n, np.inf)
     np.minimum.at(least, problem.photo, np.where(counts, r, np.inf).min(axis=1))
+    rms = _rms_um(block, counts)
+    flagged = np.bincount(problem.photo, block.flagged.sum(axis=1), n).astype(int)
     return tuple(
-        PhotoCheck(k, s, s / m if m else None, max(low, 0.0) if m else None)
-        for k, s, m, low in zip(
-            rays.tolist(), total.tolist(), number.tolist(), least.tolist(), strict=True
+        PhotoCheck(k, s, s / m if m else None, max(low, 0.0) if m else None, x, y, wrong)
+        for k, s, m, low, (x, y), wrong in zip(
+            rays.tolist(), total.tolist(), number.tolist(), least.tolist(), rms, flagged.tolist(),
+            strict=True,
         )
-    )
+    )  # fmt: skip
+
+
+def _rms_um(block: AdjustedBlock, counts: Bools) -> list[tuple[float | None, float | None]]:
+    problem, n = block.problem, len(block.problem.photos)
+    v = np.where(counts, 1e3 * block.v * problem.sigma_xy, 0.0)
+    columns = []
+    for axis in range(2):
+        squares = np.bincount(problem.photo, v[:, axis] ** 2, n)
+        number = np.bincount(problem.photo, counts[:, axis], n)
+        columns.append(
+            [sqrt(s / m) if m else None for s, m in zip(squares, number.tolist(), strict=True)]
+        )
+    return list(zip(*columns, strict=True))
 
 
 def photo_overlaps(block: AdjustedBlock) -> tuple[Overlap, ...]:

@@ -96,7 +96,12 @@ _BY_KEY: dict[str, Definition] = {
     ),
     "mean_r": Definition("mean redundancy number of its image coordinates", "RI", "Gruen 1978, "
                          "eq. (25)"),
+    "error_um": Definition("estimated gross error, without all that is rejected"),
+    "weakest": Definition("where its weakest observation is: its point, or its photo"),
+    "low_r": Definition("smallest redundancy number of its image coordinates", _RED.equation),
     "least_r": Definition("smallest redundancy number of its image coordinates", _RED.equation),
+    "rms_x_um": Definition("root mean square of the photo's residuals in x", "sqrt([v v] / n)"),
+    "rms_y_um": Definition("root mean square of the photo's residuals in y", "sqrt([v v] / n)"),
     "w": _W,
     "v": _V,
     "v_um": _V,
@@ -264,6 +269,27 @@ _BY_KEY |= {
 
 _MATRICES = {"photo_correlations", "parameter_correlations", "correlations"}
 
+_LENGTH = Definition(
+    "length of the displacement, or its standard deviation along its own direction",
+    "",
+    "Gruen 1978, section D3",
+)
+_MOVED = Definition(
+    "probability that a point that has not moved differs as much; of the point by itself",
+    _P.equation,
+    "Gruen 1978, eq. (55) to (58)",
+)
+_CLASS = Definition(
+    "class of rays: how many the point has, inner or outer, control or new",
+    "",
+    "Gruen 1980, Table 2",
+)
+_ROOT = Definition(
+    "mean, smallest and largest root of the cofactor of a residual, in a-priori sigmas",
+    "sqrt(q_vv p)",
+    "Gruen 1980",
+)
+
 _BY_TABLE: dict[tuple[str, str], Definition] = {
     ("accuracy", "unknown"): Definition("which coordinate"),
     ("accuracy_angles", "unknown"): Definition("which angle"),
@@ -282,6 +308,20 @@ _BY_TABLE: dict[tuple[str, str], Definition] = {
     ("models", "flagged"): Definition("number of flagged rows"),
     ("models", "off"): Definition("number of rows that are switched off"),
     ("orientation", "what"): Definition("value, or its standard deviation"),
+    ("photos", "flagged"): Definition("number of its flagged image coordinates"),
+    **{
+        ("displacements", f"w{axis}"): Definition("the given movement that is tested against")
+        for axis in "XYZ"
+    },
+    **dict.fromkeys((("displacements", "length"), ("displacements", "s_length")), _LENGTH),
+    **dict.fromkeys((("displacements", "P"), ("points", "P")), _MOVED),
+    ("points", "moved"): Definition("from which epoch to which it has moved"),
+    **dict.fromkeys((("classes", "rays"), ("classes", "ray"), ("classes", "point")), _CLASS),
+    ("classes", "number"): Definition("number of image coordinates of the class"),
+    ("classes", "mean_root"): _ROOT,
+    ("classes", "least"): _ROOT,
+    ("classes", "most"): _ROOT,
+    ("classes", "untestable"): Definition("how many of them nothing checks"),
     ("inner", "largest"): _SIGF,
     ("inner", "at"): Definition("the fiducial with the largest SIGF"),
     ("inner", "flagged"): Definition("number of flagged rows"),
@@ -293,4 +333,6 @@ def definition_of(table: str, column: str) -> Definition | None:
     found = _BY_TABLE.get((table, column))
     if found is None and table in _MATRICES and column not in ("photo", "group", "name", "element"):
         return _RHO
+    if found is None and table == "points" and column.startswith("length_"):
+        return _LENGTH  # to this epoch
     return found or _BY_KEY.get(column)

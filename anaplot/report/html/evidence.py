@@ -11,7 +11,6 @@ from anaplot.report.blockadjustment import BlockAdjustment
 from anaplot.report.bridgecommand import bridge
 from anaplot.report.computed import Computed
 from anaplot.report.document import say
-from anaplot.report.html.lengths import sections_with_lengths_of
 from anaplot.report.html.parts import Section
 from anaplot.report.html.sections.givenpoints import given_points_section
 from anaplot.report.html.sections.grosserrors import rejected_section
@@ -22,6 +21,7 @@ from anaplot.report.html.sections.innerorientations import (
 )
 from anaplot.report.html.sections.models import models_section
 from anaplot.report.html.sections.parametermatrix import parameter_matrix_section
+from anaplot.report.html.sections.photoresiduals import photo_residuals_section
 from anaplot.report.html.sections.photos import photos_section
 from anaplot.report.html.sections.switchedoff import protocol_blocks, switched_off_section
 from anaplot.report.logcommand import log_document
@@ -72,10 +72,7 @@ def evidence_sections(
     plates
         Inner orientations, from `block_plates`.
     """
-    block = found.result.block.problem.block
-    return sections_with_lengths_of(
-        block, (one for one in _sections(found, folder, plates) if one is not None)
-    )
+    return tuple(one for one in _sections(found, folder, plates) if one is not None)
 
 
 def _sections(
@@ -83,6 +80,7 @@ def _sections(
 ) -> Iterator[Section | None]:
     answer = found.document.answer
     yield photos_section(answer)
+    yield photo_residuals_section(found.result.block)
     yield given_points_section(answer)
     yield parameter_matrix_section(answer)
     yield rejected_section(found.result)

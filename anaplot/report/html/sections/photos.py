@@ -10,7 +10,7 @@ from anaplot.report.html.parts import Captioned, HtmlBlock, Section
 
 __all__ = ["photos_section"]
 
-_CHECKS = ("photo", "rays", "redundancy", "mean_r", "least_r")
+_CHECKS = ("photo", "rays", "redundancy", "mean_r", "least_r", "rms_x_um", "rms_y_um", "flagged")
 
 
 def photos_section(answer: Answer) -> Section:

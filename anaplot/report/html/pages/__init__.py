@@ -1,0 +1,1 @@
+"""Reports of the commands beside `report`: of strips, of epochs, of plans."""

@@ -1,0 +1,143 @@
+"""`--report FILE.html` of a command: what it has computed as a page that stands by itself."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+from anaplot.report.computed import Computed
+from anaplot.report.document import BLANK, Document
+from anaplot.report.keywords import Declare, declared_options
+
+if TYPE_CHECKING:
+    from anaplot.report.html.parts import Report
+    from anaplot.report.html.sections.provenance import InputFile
+
+__all__ = ["AskedPage", "MakesPage", "as_typed"]
+
+MakesPage: TypeAlias = "Callable[[Computed[Any]], Report]"
+"""Makes the report of what a command has computed."""
+
+
+@dataclass(frozen=True, slots=True)
+class AskedPage:
+    """The page that a command line asks for.
+
+    Attributes
+    ----------
+    path
+        Where it goes; None: none is asked for.
+    command
+        As one types it.
+    reads
+        The files that the command reads.
+    files
+        Those that there are, with their checksums before anything is computed.
+    report
+        Makes it.
+    """
+
+    path: Path | None
+    command: str
+    reads: tuple[Path, ...]
+    files: tuple[InputFile, ...]
+    report: MakesPage
+
+    @classmethod
+    def of(
+        cls,
+        options: argparse.Namespace,
+        command: str,
+        declare: Declare,
+        reads: Callable[[], Iterable[Path]],
+        report: MakesPage,
+    ) -> AskedPage:
+        """Return the page that is asked for; a file that could not be written is refused.
+
+        Parameters
+        ----------
+        options
+            Of the command line.
+        command
+            Name of the command.
+        declare
+            Adds its options.
+        reads
+            Returns the files that it reads; called where a page is asked for.
+        report
+            Makes the page.
+
+        Raises
+        ------
+        InputError
+            It cannot be written, or is no earlier report.
+        """
+        if options.report is None:
+            return cls(None, "", (), (), report)
+        from anaplot.report.html.sections.provenance import checked_files
+        from anaplot.report.html.write import check_report
+
+        check_report(options.report)
+        typed, there = as_typed(command, declare, options), tuple(reads())
+        return cls(options.report, typed, there, checked_files(there), report)
+
+    @property
+    def uses(self) -> Mapping[str, tuple[Path, ...]]:
+        """What becomes of files, as `Output.check` takes it."""
+        return {} if self.path is None else {"becomes the report": (self.path,)}
+
+    def shown(self, found: Computed[Any]) -> Document:
+        """Write the page, and return the command's document with what is said of it.
+
+        Raises
+        ------
+        InputError
+            It could not be written, or a file has changed meanwhile; an earlier report is as it
+            was.
+        """
+        document = found.document
+        if self.path is None:
+            return document
+        from anaplot.report.html.sections.definitions import with_definitions
+        from anaplot.report.html.sections.provenance import (
+            checked_files,
+            provenance,
+            provenance_answer,
+            provenance_section,
+            unchanged,
+        )
+        from anaplot.report.html.write import write_report
+        from anaplot.report.html.written import written_answer, written_lines
+
+        unchanged(self.files, checked_files(self.reads))
+        made = provenance(self.command, {}, self.files)
+        report = replace(self.report(found), provenance=provenance_section(made))
+        written = write_report(with_definitions(report), self.path)
+        told = {**written_answer(written), "provenance": provenance_answer(made)}
+        return replace(
+            document,
+            answer={**document.answer, "report": told},
+            page=(*document.page, BLANK, *written_lines(written)),
+        )
+
+
+def as_typed(command: str, declare: Declare, options: argparse.Namespace) -> str:
+    """Return a command with what it is given and its options that are not the default."""
+    given: list[object] = []
+    chosen: list[str] = []
+    for key, action in declared_options(declare).items():
+        value = getattr(options, key)
+        if not action.option_strings:
+            given += value if isinstance(value, list | tuple) else [value]
+        elif value != action.default:
+            several = value if isinstance(value, list) else [value]
+            for one in several:
+                chosen.append(action.option_strings[-1])
+                if action.nargs != 0:
+                    text = ",".join(map(str, one)) if isinstance(one, tuple) else str(one)
+                    chosen.append(text)
+    return shlex.join(["anaplot", *command.split(), *map(str, given), *chosen])

@@ -1,0 +1,187 @@
+"""`--report` of bridge, compare and the plans: five lines, figures, the tables of the command."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from clibench import here, make_block, one_line
+
+from anaplot import bridge, compare, plan
+from anaplot.adjustment.hypothesis import critical_f
+from anaplot.exchange.blockfolder import write_block
+from anaplot.planning.blockplan import BlockPlan, plan_block
+from anaplot.report.figures import displacements
+from anaplot.report.html.definitions import definition_of
+from anaplot.report.html.pages.epochpage import epoch_report
+from anaplot.report.html.pages.planpage import block_plan_report, network_plan_report
+from anaplot.report.html.pages.strippage import strip_report
+from anaplot.report.html.parts import Report, drawings_in, tables_in
+from anaplot.report.html.render import html_of
+from anaplot.report.html.sections.definitions import columns_shown
+
+HOSTILE = "</td><script>alert(1)</script>"
+
+
+def text_of(report: Report) -> str:
+    """What is read on the page, without markup."""
+    return read(html_of(report))
+
+
+def read(page: str) -> str:
+    source = page.split("<main>")[1].split("</main>")[0]
+    assert "<script>" not in source
+    return re.sub(r"\s+", " ", re.sub(r"<[^>]*>", " ", source))
+
+
+@pytest.fixture(scope="module")
+def epochs():
+    """Three epochs; a point with a hostile name has moved between the first two."""
+    made = plan_block(BlockPlan(2, 4, 0.6, 0.6, 3, control_m=0.02)).block
+    control = {row.point for row in made.control}
+    free = [row.point for row in made.image_points if row.point not in control]
+    wild = max(set(free), key=free.count)
+    blocks = []
+    for seed, shift in enumerate((0.0, 0.08, 0.08)):
+        random = np.random.default_rng(seed)
+        rows = []
+        for row in made.image_points:
+            x, y = random.normal((row.x, row.y), 0.004)
+            name = HOSTILE if row.point == wild else row.point
+            rows.append(replace(row, x=x + (row.point == wild) * shift, y=y, point=name))
+        blocks.append(replace(made, name=f"epoch {seed + 1}", image_points=tuple(rows)))
+    return blocks
+
+
+def test_a_strip_in_five_lines(tmp_path: Path, capsys) -> None:
+    folder, page = make_block(tmp_path / "strip", dy=0.2), tmp_path / "strip.html"
+    result = here(capsys, "bridge", folder, "--report", page, "--json")
+    assert (result.returncode, result.stderr) == (0, "")
+    told = json.loads(result.stdout)
+    size = page.stat().st_size
+    made = told["report"].pop("provenance")
+    assert told["report"] == {"page": str(page), "bytes": size, "cut": [], "figures": []}
+    assert made["command"] == f"anaplot bridge {folder} --json --report {page}"
+    sums = {one["file"]: one["sha256"] for one in made["files"]}
+    points = folder / "image_points.csv"
+    assert sums[str(points)] == hashlib.sha256(points.read_bytes()).hexdigest()
+    text = page.read_text(encoding="utf-8")
+    assert text.count("<li class=") == 5
+    flagged = [m for m in told["strips"][0]["models"] if any(r["flagged"] for r in m["table"])]
+    assert f"{len(flagged)} of 2 models have flagged rows" in read(text)
+    assert flagged[0]["advice"][0] in read(text)
+    printed = here(capsys, "bridge", folder, "--report", page)
+    assert "strip.html: written" in printed.stdout
+    plain = here(capsys, "bridge", folder, "--json")
+    assert json.loads(plain.stdout) == {k: v for k, v in told.items() if k != "report"}
+    before = page.read_bytes()
+    page.write_text("mine")
+    one_line(here(capsys, "bridge", folder, "--report", page), 2, "is no report")
+    assert page.read_text() == "mine"
+    page.write_bytes(before)
+    one_line(
+        here(capsys, "bridge", folder, "--report", page, "--csv", page), 2, "becomes the report"
+    )
+
+
+def test_a_good_strip_and_a_search_for_gross_errors(tmp_path: Path) -> None:
+    folder = make_block(tmp_path / "strip")
+    assert "Sound yes: no row" in text_of(strip_report(bridge(folder), "s"))
+    found = bridge(make_block(tmp_path / "wrong", dy=0.2), errors="odds")
+    report = strip_report(found, HOSTILE)
+    rejected = next(table for table in tables_in(report.sections) if table.key == "rejected")
+    told = found.to_dict()["strips"][0]["models"]
+    assert len(rejected) == sum(len(model["errors"]["rejected"]) for model in told) > 0
+    assert "102-2" in text_of(report).split("Rejected rows")[1]
+    assert "&lt;script&gt;alert(1)" in html_of(report)
+
+
+def test_displacements_have_vectors_ellipses_and_tests(epochs) -> None:
+    found = compare(*epochs[:2])
+    report = epoch_report(found)
+    text = text_of(report)
+    assert len(report.verdict) == 5
+    assert "Moved" in text
+    assert re.search(r"What\W+1 point", text)
+    drawn = list(drawings_in(report.sections))
+    assert [one.key for one in drawn] == ["displacements-1-2", "displacements-across-1-2"]
+    assert "1 moved" in drawn[0].description
+    (table,) = tables_in(report.sections)
+    assert table is found.document.tables[0]
+    # the ellipse of a point reaches its displacement where its own test is at the limit
+    tests, of = found.result, found.result.differences
+    k = next(i for i, p in enumerate(tests.points) if p.point == HOSTILE)
+    region = displacements._regions(tests, [0, 1])[k]
+    d = of.d.reshape(-1, 3)[k, :2]
+    q = of.cofactors[3 * k : 3 * k + 2, 3 * k : 3 * k + 2]
+    sigma = 1.0 if of.by_known else (of.vtpv / of.redundancy) ** 0.5
+    statistic = d @ np.linalg.solve(q, d) / (2.0 * sigma**2)
+    limit = critical_f(tests.alpha, 2, None if of.by_known else of.redundancy)
+    assert d @ np.linalg.solve(region, d) == pytest.approx(statistic / limit)
+
+
+def test_a_series_draws_its_marked_pairs(epochs) -> None:
+    found = compare(*epochs)
+    report = epoch_report(found)
+    assert len(report.verdict) == 5
+    keys = [one.key for one in drawings_in(report.sections)]
+    assert "displacements-1-2" in keys
+    assert "from 1 to 2" in text_of(report)
+
+
+def test_nothing_has_moved(epochs) -> None:
+    report = epoch_report(compare(epochs[1], epochs[2]))
+    text = text_of(report)
+    assert "What no point by itself" in text.replace(":", "")
+    assert "No point by itself has moved" in next(drawings_in(report.sections)).description
+
+
+def test_plans_have_maps_and_their_tables() -> None:
+    block = plan.block(stabilize=0)
+    report = block_plan_report(block)
+    assert len(report.verdict) == 5
+    keys = {one.key for one in drawings_in(report.sections)}
+    assert keys >= {"block-map", "accuracy-plan", "accuracy-height", "redundancy", "detectable"}
+    text = text_of(report)
+    accuracy = block.to_dict()["accuracy_m"]
+    for value in accuracy["rms"]:
+        assert f"{value:.4f}" in text
+    assert {table.key for table in tables_in(report.sections)} == {"classes", "weak_photos"}
+    network = network_plan_report(plan.network("cube", case="B"))
+    assert len(network.verdict) == 5
+    assert {"photos", "points"} <= {table.key for table in tables_in(network.sections)}
+    assert "block-map" in {one.key for one in drawings_in(network.sections)}
+    text_of(network)
+
+
+def test_plans_of_several_have_no_page(tmp_path: Path, capsys) -> None:
+    page = tmp_path / "p.html"
+    for arguments in (("block", "--bridging", "2,4"), ("network", "cube", "--case", "A,B")):
+        one_line(here(capsys, "plan", *arguments, "--report", page), 2, "--report")
+    assert not page.exists()
+    result = here(capsys, "plan", "block", "--strips", "2", "--photos", "4", "--report", page)
+    assert (result.returncode, result.stderr) == (0, "")
+    assert page.exists()
+    folder = tmp_path / "epoch"
+    write_block(folder, plan_block(BlockPlan(2, 3, 0.6, 0.6, 3, control_m=0.02)).block)
+    result = here(capsys, "compare", folder, folder, "--report", tmp_path / "c.html")
+    assert result.returncode in (0, 4), result.stderr
+
+
+def test_every_column_of_these_pages_has_a_definition(tmp_path: Path, epochs) -> None:
+    wrong = make_block(tmp_path / "wrong", dy=0.2)
+    reports = [
+        strip_report(bridge(wrong, errors="odds"), "s"),
+        epoch_report(compare(*epochs[:2])),
+        epoch_report(compare(*epochs)),
+        block_plan_report(plan.block(stabilize=0)),
+        network_plan_report(plan.network("cube", case="B", point="1")),
+    ]
+    shown = {(key, one.key) for report in reports for key, one in columns_shown(report)}
+    assert len(shown) > 50
+    assert {pair for pair in shown if definition_of(*pair) is None} == set()
