@@ -1,10 +1,12 @@
-"""Take the pictures of README and documents anew: screens of the console, a figure of the report.
+"""Take the pictures of README and documents anew: screens of the console, report and its figure.
 
-    python tests/pictures.py docs/pictures
+    python tests/pictures.py docs/pictures                      # all but the report's page
+    python tests/pictures.py docs/pictures --browser chromium   # that too
 
 Everything in them is simulated from fixed seeds and drawn by the program: no clock, no path, no
-terminal. Taken twice they are the same, byte for byte. Nothing in them is fetched: the link to a
-font that Textual writes into its pictures is taken out.
+terminal. Taken twice they are the same, byte for byte; the report's page, which a browser draws, is
+where the browser is. Nothing in them is fetched: the link to a font that Textual writes into its
+pictures is taken out. What the page's verdict says is written into its picture as text, too.
 """
 
 from __future__ import annotations
@@ -12,9 +14,12 @@ from __future__ import annotations
 import argparse
 import asyncio
 import re
+import struct
+import subprocess
 import sys
 import tempfile
 import threading
+import zlib
 from collections.abc import Callable
 from dataclasses import astuple, replace
 from pathlib import Path
@@ -29,8 +34,12 @@ from anaplot.console.app import ConsoleApp
 from anaplot.drawing.standalone import standalone
 from anaplot.photogrammetry.block import Block
 from anaplot.plotter.readings import Position
+from anaplot.report.adjustcommand import adjust
+from anaplot.report.astext import line_text
 from anaplot.report.figures.blockmap import block_map
+from anaplot.report.html.write import write_report
 from anaplot.report.planblock import planned_block
+from anaplot.report.reportcommand import block_report
 from anaplot.session.plates import ReadOut
 from anaplot.simulation.automatic import AutomaticOperator
 from anaplot.simulation.demo import Demo
@@ -40,9 +49,12 @@ from anaplot.station.blockview import BlockView
 from anaplot.station.snapshot import Snapshot
 
 PICTURES = ("console-table.svg", "console-stereo.svg", "console-block.svg", "report-map.svg")
+PAGE = "report-page.png"
 
 _FONTS = '"DejaVu Sans Mono", Menlo, Consolas, "Liberation Mono", monospace'
 _SEED = 4
+_PAGE = (1000, 455)  # px
+_KEYWORD = b"Description\0\0\0\0\0"  # of an iTXt chunk: neither compressed nor in a language
 _NEAR = (0.18, 0.06)  # mm beside a point: its mark is seen beside the floating one
 
 
@@ -122,8 +134,8 @@ def flown_block() -> Block:
             strict=True,
         )
     ]
-    wrong = next(k for k, row in enumerate(rows) if row.photo == "203" and row.point == "04-04")
-    rows[wrong] = replace(rows[wrong], x=rows[wrong].x + 0.12)
+    wrong = next(k for k, row in enumerate(rows) if row.photo == "203" and row.point == "03-03")
+    rows[wrong] = replace(rows[wrong], x=rows[wrong].x + 0.06)
     return replace(planned, name="flown", image_points=tuple(rows))
 
 
@@ -179,15 +191,60 @@ async def pictures() -> dict[str, str]:
     return dict(zip(PICTURES, [*screens, figure], strict=True))
 
 
+def written_report(folder: Path) -> tuple[Path, str]:
+    """Write the report of the block; returns its page, and what its verdict says."""
+    report = block_report(adjust(flown_block()))
+    return write_report(report, folder / "report.html").page, "\n".join(
+        map(line_text, report.verdict)
+    )
+
+
+def photographed(page: Path, verdict: str, browser: str) -> bytes:
+    """Return the upper part of a page as a browser draws it, with what its verdict says."""
+    with tempfile.TemporaryDirectory() as folder:
+        taken = Path(folder) / "page.png"
+        subprocess.run(
+            [
+                browser,
+                *("--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars"),
+                *("--force-device-scale-factor=1", f"--user-data-dir={folder}/profile"),
+                f"--window-size={_PAGE[0]},{_PAGE[1]}",
+                f"--screenshot={taken}",
+                page.as_uri(),
+            ],
+            check=True,
+            capture_output=True,
+            timeout=120.0,
+        )
+        png = taken.read_bytes()
+    body = b"iTXt" + _KEYWORD + verdict.encode()
+    text = struct.pack(">I", len(body) - 4) + body + struct.pack(">I", zlib.crc32(body))
+    return png[:-12] + text + png[-12:]  # before IEND
+
+
+def told(png: bytes) -> str:
+    """Return what is written into the picture of a page."""
+    at = png.index(b"iTXt")
+    (length,) = struct.unpack(">I", png[at - 4 : at])
+    return png[at + 4 + len(_KEYWORD) : at + 4 + length].decode()
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Write the pictures into a folder."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("folder", type=Path)
-    folder: Path = parser.parse_args(arguments).folder
+    parser.add_argument("--browser", help="a Chromium, which takes the report's page")
+    options = parser.parse_args(arguments)
+    folder: Path = options.folder
     folder.mkdir(parents=True, exist_ok=True)
     for name, svg in asyncio.run(pictures()).items():
         (folder / name).write_text(svg, encoding="utf-8", newline="\n")
         print(f"{folder / name}: {len(svg.encode()) / 1e3:.0f} kB")
+    if options.browser is not None:
+        with tempfile.TemporaryDirectory() as made:
+            png = photographed(*written_report(Path(made)), options.browser)
+        (folder / PAGE).write_bytes(png)
+        print(f"{folder / PAGE}: {len(png) / 1e3:.0f} kB")
     return 0
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
-from pictures import PICTURES, pictures, without_network, words
+from pictures import PAGE, PICTURES, pictures, told, without_network, words, written_report
 
 ROOT = Path(__file__).parents[1]
 FOLDER = ROOT / "docs" / "pictures"
@@ -21,9 +21,9 @@ def kept(name: str) -> str:
 
 
 def test_the_folder_has_the_pictures_and_each_is_shown_somewhere() -> None:
-    assert sorted(path.name for path in FOLDER.iterdir()) == sorted(PICTURES)
+    assert sorted(path.name for path in FOLDER.iterdir()) == sorted((*PICTURES, PAGE))
     pages = "".join(page.read_text(encoding="utf-8") for page in PAGES)
-    for name in PICTURES:
+    for name in (*PICTURES, PAGE):
         # with words for those who do not see it
         assert re.search(rf"!\[[^\]]{{20,}}\]\((?:docs/)?pictures/{re.escape(name)}\)", pages), name
 
@@ -51,6 +51,16 @@ def test_a_link_to_a_font_is_taken_out() -> None:
     assert "example.org" not in clean
     assert "Fira" not in clean
     assert "monospace;" in clean
+
+
+@pytest.mark.slow
+def test_the_verdict_in_the_picture_of_the_report_is_that_of_today(tmp_path: Path) -> None:
+    png = (FOLDER / PAGE).read_bytes()
+    assert png.startswith(b"\x89PNG\r\n\x1a\n")
+    assert len(png) < LARGEST
+    _, verdict = written_report(tmp_path)
+    assert len(verdict.splitlines()) == 5
+    assert told(png) == verdict, "python tests/pictures.py docs/pictures --browser chromium"
 
 
 @pytest.mark.slow
