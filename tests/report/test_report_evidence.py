@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from clibench import make_block
+from svgs import sound
 
 import anaplot
 from anaplot.errors import InputError
@@ -17,6 +18,7 @@ from anaplot.planning.blockplan import BlockPlan, plan_block
 from anaplot.report.adjustcommand import adjust
 from anaplot.report.bridgecommand import bridge
 from anaplot.report.document import Document, say
+from anaplot.report.figures.bridged import figures_of_models
 from anaplot.report.html.blocksections import Material, block_sections
 from anaplot.report.html.evidence import block_plates, evidence_sections
 from anaplot.report.html.parts import Report, Section, drawings_in, sections_in
@@ -111,6 +113,22 @@ def test_models_have_the_numbers_of_json_rounded(tmp_path: Path) -> None:
     flagged = [sum(row["flagged"] for row in model["table"]) for model in told]
     assert max(flagged) > 0
     assert [row[8] for row in overview[1:]] == list(map(str, flagged))
+
+
+def test_every_model_is_drawn_with_its_numbers(tmp_path: Path) -> None:
+    found = bridge(strip(tmp_path, photos=4, dy=0.2))
+    section = models_section(found.document.answer, figures_of_models(found.result))
+    drawn = list(drawings_in((section,)))
+    assert [one.key for one in drawn] == ["model-1-1", "model-1-2", "model-1-3"]
+    for drawing, model in zip(drawn, found.result.strips[0].models, strict=True):
+        sound(drawing)
+        assert drawing.title == f"Model {model.name}"
+        assert f"sigma0 {model.sigma0_um:.2f} µm, redundancy {model.redundancy}" in (
+            drawing.description
+        )
+        flagged = {row.point for row in model.flagged}
+        assert (f"flagged ({len(flagged)})" in drawing.svg) is bool(flagged)
+        assert all(point in drawing.description for point in flagged)
 
 
 def test_of_many_models_the_flagged_are_shown_and_it_is_said(tmp_path: Path, monkeypatch) -> None:

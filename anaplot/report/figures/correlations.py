@@ -8,7 +8,7 @@ import numpy as np
 
 from anaplot.aliases import Array
 from anaplot.bundle.solve.adjusted import AdjustedBlock
-from anaplot.bundle.solve.parameternames import parameter_names
+from anaplot.bundle.solve.parametercorrelations import parameter_matrix as correlated_parameters
 from anaplot.drawing.charts.matrix import LARGEST, correlation_matrix
 from anaplot.drawing.drawing import Drawing
 from anaplot.drawing.plot import Head
@@ -43,21 +43,14 @@ def parameter_matrix(block: AdjustedBlock, *, key: str = "parameters") -> Drawin
     None where there are fewer than two that belong to several photos: those of each photo have a
     matrix of their own each.
     """
-    problem = block.problem
-    if problem.additional is None or problem.photo_invariant:
+    found = correlated_parameters(block)
+    if found is None or len(found[0]) < 2:
         return None
-    names = parameter_names(problem)
-    free = [k for k, name in enumerate(names) if not name.held]
-    if len(free) < 2:
-        return None
-    several = len({names[k].owner for k in free}) > 1
-    labels = [
-        f"{names[k].unknown} of {names[k].owner}" if several else names[k].unknown for k in free
-    ]
-    q = block.cofactors.shared[np.ix_(free, free)]
-    root = np.sqrt(np.where(np.diag(q) > 0.0, np.diag(q), np.nan))
+    names, rho = found
+    several = len({owner for owner, _ in names}) > 1
+    labels = [f"{unknown} of {owner}" if several else unknown for owner, unknown in names]
     title = "Correlations of the additional parameters"
-    return _drawn(key, title, "parameter", labels, q / root[:, None] / root)
+    return _drawn(key, title, "parameter", labels, rho)
 
 
 def _drawn(key: str, title: str, one: str, names: Sequence[str], rho: Array) -> Drawing:

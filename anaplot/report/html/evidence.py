@@ -11,6 +11,9 @@ from anaplot.report.blockadjustment import BlockAdjustment
 from anaplot.report.bridgecommand import bridge
 from anaplot.report.computed import Computed
 from anaplot.report.document import say
+from anaplot.report.figures.bridged import figures_of_models
+from anaplot.report.figures.correlations import parameter_matrix
+from anaplot.report.figures.imageunits import image_units
 from anaplot.report.html.parts import Section
 from anaplot.report.html.sections.givenpoints import given_points_section
 from anaplot.report.html.sections.grosserrors import rejected_section
@@ -82,10 +85,10 @@ def _sections(
     yield photos_section(answer)
     yield photo_residuals_section(found.result.block)
     yield given_points_section(answer)
-    yield parameter_matrix_section(answer)
+    yield parameter_matrix_section(answer, parameter_matrix(found.result.block))
     yield rejected_section(found.result)
     if folder is not None and found.result.block.problem.block.strips:
-        yield _models(folder)
+        yield _models(folder, image_units(found.result.block.problem.block).small)
     yield inner_section(plates)
     yield switched_off_section(answer)
     if folder is not None:
@@ -96,12 +99,13 @@ def _has_journal(folder: Path) -> bool:
     return os.path.lexists(folder / "sessions")
 
 
-def _models(folder: Path) -> Section | None:
+def _models(folder: Path, unit: str) -> Section | None:
     try:
-        bridged = bridge(folder).document
+        bridged = bridge(folder)
     except InputError as error:
         return Section("models", "Models", (say("Strips are not bridged: {}", str(error)),))
-    return models_section(bridged.answer)
+    figure = figures_of_models(bridged.result, unit)
+    return models_section(bridged.document.answer, figure)
 
 
 def _protocol(folder: Path) -> Section:

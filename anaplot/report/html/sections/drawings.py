@@ -11,6 +11,7 @@ from anaplot.drawing.drawing import Drawing
 from anaplot.report.columns import counted
 from anaplot.report.document import say
 from anaplot.report.figures.blockmap import block_map
+from anaplot.report.figures.photobars import photo_redundancy
 from anaplot.report.figures.pointmaps import (
     accuracy_maps,
     detectable_map,
@@ -83,6 +84,7 @@ def _of_photos(block: AdjustedBlock, drawings: tuple[Drawing, ...]) -> Section:
 def maps_section(block: AdjustedBlock) -> Section | None:
     """Return where the block is accurate, checked, and what stays undetected."""
     drawings = (
+        photo_redundancy(block),
         *accuracy_maps(block),
         redundancy_map(block),
         detectable_map(block),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from anaplot.drawing.drawing import Drawing
 from anaplot.report.document import Answer, Column, Table, name, named, say
 from anaplot.report.html.parts import Captioned, HtmlBlock, Section
 from anaplot.textfiles.wording import plain
@@ -12,13 +13,15 @@ MOST_PARAMETERS = 40
 """Parameters whose correlations a page has whole."""
 
 
-def parameter_matrix_section(answer: Answer) -> Section | None:
+def parameter_matrix_section(answer: Answer, drawn: Drawing | None = None) -> Section | None:
     """Return the section of the correlations of additional parameters; None where there are none.
 
     Parameters
     ----------
     answer
         What `adjust --json` prints, its tables still tables.
+    drawn
+        Their matrix as a drawing; None: there is none.
     """
     additional = answer.get("additional")
     if additional is None or not len(additional["parameters"]):
@@ -38,6 +41,8 @@ def parameter_matrix_section(answer: Answer) -> Section | None:
     else:
         caption = say("Correlations of the additional parameters")
         blocks.append(Captioned(_table(matrix), caption))
+    if drawn is not None:
+        blocks.insert(0, drawn)
     pairs = additional["correlations"]
     if pairs:
         shown = [say("{first} with {second} {correlation:+.3f}", **pair) for pair in pairs]
