@@ -63,9 +63,11 @@ def _bridge(options: argparse.Namespace) -> int:
 
     def report(found: Computed[Any]) -> Report:
         from anaplot.exchange.blockfolder import read_block
+        from anaplot.report.figures.imageunits import image_units
         from anaplot.report.html.pages.strippage import strip_report
 
-        return strip_report(found, read_block(options.block).name)
+        block = read_block(options.block)
+        return strip_report(found, block.name, image_units(block).small)
 
     return run_bridge(options, report)
 

@@ -14,6 +14,7 @@ from anaplot.report.bridgecommand import BridgedBlock
 from anaplot.report.columns import counted
 from anaplot.report.computed import Computed
 from anaplot.report.document import Answer, Document, Line, named, say
+from anaplot.report.figures.bridged import figures_of_models
 from anaplot.report.html.parts import Captioned, HtmlBlock, Report, Section
 from anaplot.report.html.sections.models import models_section
 
@@ -22,7 +23,7 @@ __all__ = ["strip_report"]
 _FEW = 3  # of what is wrong; the sections have all
 
 
-def strip_report(found: Computed[BridgedBlock], name: str) -> Report:
+def strip_report(found: Computed[BridgedBlock], name: str, unit: str = "µm") -> Report:
     """Return the report of the strips of a block.
 
     Parameters
@@ -31,9 +32,12 @@ def strip_report(found: Computed[BridgedBlock], name: str) -> Report:
         What `bridge` has returned.
     name
         Of the block.
+    unit
+        Of lengths in its images, on the drawings.
     """
     answer = found.document.answer
-    sections = (models_section(answer), _rejected(found.document), _said(answer))
+    figure = figures_of_models(found.result, unit)
+    sections = (models_section(answer, figure), _rejected(found.document), _said(answer))
     return Report(
         say("Strips of block {}", name),
         _verdict(found.result, answer),
