@@ -6,16 +6,18 @@ import argparse
 import os
 from dataclasses import asdict
 
+from anaplot.aliases import Progress
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import read_block
-from anaplot.exchange.formats.door import SOURCE, Exporting, ExportOptions
-from anaplot.exchange.formats.registry import format_of, module_of
+from anaplot.exchange.formats.door import SOURCE, Exported, Exporting, ExportOptions
+from anaplot.exchange.formats.registry import Format, format_of, module_of
 from anaplot.report.columns import counted
 from anaplot.report.document import Document, say
 from anaplot.report.doorarguments import refuse_unused
 from anaplot.report.exportresult import adjusted_result
 from anaplot.report.importcommand import note_lines
 from anaplot.report.output import Output
+from anaplot.report.progress import working
 from anaplot.textfiles.wording import place
 
 __all__ = ["run_export"]
@@ -34,14 +36,8 @@ def run_export(options: argparse.Namespace) -> int:
     refuse_unused(given, ExportOptions(), chosen.kind, chosen.export_options)
     if os.path.lexists(options.output):
         raise InputError(f"{place(options.output)}: exists already and is not overwritten")
-    block = read_block(options.block)
-    source = options.block / SOURCE
-    starts = any(os.path.lexists(source / name) for name in chosen.starts_from)
-    wanted = bool(block.control) if chosen.adjusted == "control" else chosen.adjusted
-    adjusted = adjusted_result(block) if wanted and not starts else None
-    written = module_of(chosen.kind).write(
-        Exporting(block, options.block, given, adjusted), options.output
-    )
+    with working(f"reading {options.block}") as line:
+        written = _written(options, chosen, given, line)
     notes = [{**asdict(note), "examples": list(note.examples)} for note in written.notes]
     answer = {"kind": chosen.kind, "files": [str(file) for file in written.files], "notes": notes}
     page = (
@@ -50,3 +46,17 @@ def run_export(options: argparse.Namespace) -> int:
     )
     Output.of(options).show(Document(answer, page, ()))
     return 0
+
+
+def _written(
+    options: argparse.Namespace, chosen: Format, given: ExportOptions, progress: Progress
+) -> Exported:
+    block = read_block(options.block)
+    source = options.block / SOURCE
+    starts = any(os.path.lexists(source / name) for name in chosen.starts_from)
+    wanted = bool(block.control) if chosen.adjusted == "control" else chosen.adjusted
+    adjusted = adjusted_result(block, progress) if wanted and not starts else None
+    progress(f"writing {options.output}", 0.0)
+    return module_of(chosen.kind).write(
+        Exporting(block, options.block, given, adjusted), options.output
+    )

@@ -7,6 +7,7 @@ from functools import partial
 
 import numpy as np
 
+from anaplot.aliases import Progress
 from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.hypotheses.controlpages import ControlPage, ControlPart, control_pages
 from anaplot.bundle.solve.adjusted import AdjustedBlock
@@ -32,8 +33,15 @@ from anaplot.report.document import Table, plain_values
 __all__ = ["adjusted_result"]
 
 
-def adjusted_result(block: Block) -> AdjustedResult:
+def adjusted_result(block: Block, progress: Progress | None = None) -> AdjustedResult:
     """Adjust a block as `adjust` does: on its control, without any as a free network.
+
+    Parameters
+    ----------
+    block
+        The block.
+    progress
+        Is told what is being done.
 
     Raises
     ------
@@ -42,7 +50,7 @@ def adjusted_result(block: Block) -> AdjustedResult:
     """
     held = any(row.use == "control" for row in block.control)
     prior = any(photo.position_sigma is not None for photo in block.photos)
-    adjusted = adjust_block(block, datum="control" if held or prior else "free")
+    adjusted = adjust_block(block, datum="control" if held or prior else "free", progress=progress)
     problem, cofactors = adjusted.problem, adjusted.cofactors
     counts = np.ones((len(problem.photo), 2), dtype=bool)
     if problem.rejected is not None:

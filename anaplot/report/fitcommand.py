@@ -27,6 +27,7 @@ from anaplot.report.document import (
 from anaplot.report.document import Block as Part
 from anaplot.report.journalnote import journal_note, with_journal_notes
 from anaplot.report.output import Output
+from anaplot.report.progress import working
 from anaplot.report.streams import complain
 from anaplot.textfiles.wording import hint, quoted
 
@@ -65,8 +66,9 @@ def run_fit(options: argparse.Namespace) -> int:
     check_for_bridge(block)
     output = Output.of(options)
     output.check({"is read": (options.block,)})
-    note = journal_note(options.block, block)
-    found = fit(block, degree=options.degree, without=options.without, strip=options.strip)
+    with working("strips"):
+        note = journal_note(options.block, block)
+        found = fit(block, degree=options.degree, without=options.without, strip=options.strip)
     output.show(with_journal_notes(fit_document(found), note))
     failed = [why for _, why in found.strips if isinstance(why, str)]
     for why in failed:

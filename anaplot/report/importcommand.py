@@ -15,6 +15,7 @@ from anaplot.report.columns import counted
 from anaplot.report.document import BLANK, Document, Line, say
 from anaplot.report.doorarguments import refuse_unused
 from anaplot.report.output import Output
+from anaplot.report.progress import working
 from anaplot.textfiles.wording import place, quoted
 
 __all__ = ["imported_document", "note_lines", "run_import"]
@@ -33,8 +34,10 @@ def run_import(options: argparse.Namespace) -> int:
         raise InputError(f"{place(options.output)}: there is a block already")
     output = Output.of(options)
     output.check({"is read": [source]}, made=options.output)
-    found = module_of(chosen.kind).read(source, given)
-    write_imported(options.output, found)
+    with working(f"reading {source}") as line:
+        found = module_of(chosen.kind).read(source, given)
+        line(f"writing {options.output}", 0.0)
+        write_imported(options.output, found)
     output.show(imported_document(chosen, options.output, found))
     return 0
 

@@ -18,6 +18,7 @@ from anaplot.report.applieddocument import applied_document
 from anaplot.report.innerapply import OrientedPhoto, carried, merged, points_of, write
 from anaplot.report.innerdocument import InnerGroup, inner_documents
 from anaplot.report.output import Output
+from anaplot.report.progress import working
 from anaplot.report.streams import complain
 from anaplot.textfiles.wording import hint, place, quoted
 
@@ -56,7 +57,8 @@ def run_inner(options: argparse.Namespace) -> int:
     output.check({"is read": reads})
     if options.apply is not None:
         return _apply(options, files, wanted, output)
-    groups = [InnerGroup(file.camera, orient_photos(file, wanted), file.unit) for file in files]
+    with working("inner orientations"):
+        groups = [InnerGroup(file.camera, orient_photos(file, wanted), file.unit) for file in files]
     output.show(inner_documents(groups))
     found = [one for group in groups for one in group.photos]
     if _complained(found):

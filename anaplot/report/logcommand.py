@@ -10,6 +10,7 @@ from datetime import datetime
 from anaplot.report.document import Document, name, number, say, table
 from anaplot.report.journalnote import session_note, with_journal_notes
 from anaplot.report.output import Output
+from anaplot.report.progress import working
 from anaplot.session.changes import Change
 from anaplot.station.sessionlog import read_log
 
@@ -59,8 +60,10 @@ def run_log(options: argparse.Namespace) -> int:
     """
     output = Output.of(options)
     output.check({"is read": (options.session,)})
-    found = log_document(read_log(options.session))
-    output.show(with_journal_notes(found, session_note(options.session)))
+    with working("reading the journal"):
+        found = log_document(read_log(options.session))
+        found = with_journal_notes(found, session_note(options.session))
+    output.show(found)
     return 0
 
 

@@ -21,6 +21,7 @@ from anaplot.report.document import (
 from anaplot.report.document import Block as Part
 from anaplot.report.journalnote import session_note, with_journal_notes
 from anaplot.report.output import Output
+from anaplot.report.progress import working
 from anaplot.station.drift import Drift
 from anaplot.station.pointing import Pointing, read_pointing
 
@@ -78,8 +79,9 @@ def run_pointing(options: argparse.Namespace) -> int:
     """
     output = Output.of(options)
     output.check({"is read": (options.session,)})
-    document = pointing_document(read_pointing(options.session))
-    note = session_note(options.session)
+    with working("models"):
+        document = pointing_document(read_pointing(options.session))
+        note = session_note(options.session)
     if note is not None and note["count"] is None:
         # that the journal cannot be read is among the remarks already
         document = replace(document, answer=document.answer | {"differs_from_journal": note})

@@ -18,6 +18,7 @@ from anaplot.report.computed import Computed
 from anaplot.report.document import BLANK, Document
 from anaplot.report.modeldocument import model_document, model_tables
 from anaplot.report.output import Output
+from anaplot.report.progress import working
 from anaplot.report.streams import complain
 from anaplot.station.rebuild import rebuild, session_solutions
 from anaplot.station.replay import Replayed, replay_session
@@ -70,7 +71,8 @@ def run_replay(options: argparse.Namespace) -> int:
     output = Output.of(options)
     written = () if options.to is None else block_files(options.to)
     output.check({"is read": journal_files(options.session), "is written": written}, options.to)
-    replayed = replay_session(options.session)
+    with working("reading the journal") as line:
+        replayed = replay_session(options.session, line)
     if options.to is not None:
         rebuild(replayed, options.to)
     if options.check:

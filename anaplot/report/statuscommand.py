@@ -38,6 +38,7 @@ from anaplot.report.journalnote import journal_answer
 from anaplot.report.lengthunits import with_lengths_of
 from anaplot.report.offsets import offset_advice_json, offset_advice_lines
 from anaplot.report.output import Output
+from anaplot.report.progress import working
 from anaplot.report.stabilizing import stabilizing_json, stabilizing_lines
 from anaplot.session.blockaccidents import block_accidents
 from anaplot.session.recomputed import Recomputed
@@ -84,7 +85,8 @@ def run_status(options: argparse.Namespace) -> int:
     """
     output = Output.of(options)
     output.check({"is read": (options.block,)})
-    status, found, contents, block = block_status(options.block)
+    with working("models and block"):
+        status, found, contents, block = block_status(options.block)
     document = status_document(options.block, status, found, contents)
     output.show(with_lengths_of(block, document))
     return 0

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from anaplot.aliases import Progress
 from anaplot.errors import AnaplotError, InputError
 from anaplot.exchange.blockfolder import read_block
 from anaplot.exchange.blocktoml import parse_block_toml
@@ -163,13 +164,15 @@ def _with_pattern(block: Block, records: Sequence[JournalRecord]) -> Block:
     return block
 
 
-def replay_session(session: Path) -> Replayed:
+def replay_session(session: Path, progress: Progress | None = None) -> Replayed:
     """Replay a recorded session to its end, as fast as it goes.
 
     Parameters
     ----------
     session
         A journal file, a folder `sessions`, or a block folder.
+    progress
+        Is told how much of the journal is played.
 
     Raises
     ------
@@ -181,7 +184,9 @@ def replay_session(session: Path) -> Replayed:
     state = start(block)
     tables = measurements = 0
     differences: list[Difference] = []
-    for step in replay(block, records):
+    for number, step in enumerate(replay(block, records), 1):
+        if progress is not None:
+            progress("replay", number / len(records))
         state = step.desk.state
         tables += step.compared
         measured = isinstance(step.event, Measurement)
