@@ -34,6 +34,7 @@ NOT_RUN = {
     "handbook.md": 1,
     "instruments.md": 1,
     "planning.md": 1,
+    "teaching.md": 2,
 }
 
 
