@@ -15,6 +15,7 @@ Every term is taken about the principal point, and follows it.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -159,6 +160,7 @@ def _radial(r: Array, k1: float, k2: float, k3: float) -> Array:
     return out
 
 
+@lru_cache(maxsize=256)  # photos by the thousand have a camera or two
 def lens_fold(k1: float, k2: float, k3: float) -> float:
     """Return the radius, divided by c, from which on a lens folds the image back; or infinity.
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from anaplot.aliases import Array, Index
 from anaplot.bundle.solve.adjusted import AdjustedBlock
-from anaplot.bundle.solve.imaging import BlockState, imaged_places
+from anaplot.bundle.solve.imaging import BlockState, imaged_places, seen_places
 from anaplot.bundle.solve.problem import Problem
 from anaplot.photogrammetry.lens import without_lens
 from anaplot.photogrammetry.measuredimage import measured_rays
@@ -263,7 +263,7 @@ class _Photos(NamedTuple):
         """Return the photos that show a place."""
         n = len(self.names)
         places = np.broadcast_to(place, (n, 3))
-        found = imaged_places(self.problem, self.state, np.arange(n), places)
+        found = seen_places(self.problem, self.state, np.arange(n), places)
         with np.errstate(invalid="ignore"):
             inside = (np.abs(found.xy) <= self.reach * _EDGE).all(axis=1)
         return np.flatnonzero(inside & (found.depth > 0.0))
@@ -286,7 +286,7 @@ def _candidates(
     if abs(rotation[2, 2]) < _UPRIGHT:
         return []
     points = state.points[np.unique(problem.point[problem.photo == index])]
-    taken = imaged_places(problem, state, np.full(len(points), index), points).xy
+    taken = seen_places(problem, state, index, points).xy
     down = float(points[:, 2].mean() - centre[2])
     weight = 1.0 / float(np.median(problem.sigma_xy))
     found = []

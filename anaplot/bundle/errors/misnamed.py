@@ -21,7 +21,7 @@ from anaplot.aliases import Array
 from anaplot.bundle.adjust import adjust_problem
 from anaplot.bundle.errors.leftout import without_same
 from anaplot.bundle.solve.adjusted import AdjustedBlock
-from anaplot.bundle.solve.imaging import imaged, seen_in_photo
+from anaplot.bundle.solve.imaging import imaged, seen_places
 from anaplot.bundle.solve.observations import ObservationName
 from anaplot.bundle.solve.problem import make_problem
 from anaplot.errors import NotComputableError
@@ -143,7 +143,7 @@ def _candidates(block: AdjustedBlock, rows: Sequence[int]) -> Iterator[_Candidat
                 yield _Candidate(row, points[partner].point, partner)
         if problem.lens_units is not None:
             continue  # only where points are seen that are measured there can be told
-        places = seen_in_photo(problem, state, int(photo)).xy
+        places = seen_places(problem, state, int(photo), state.points).xy
         held = set(problem.point[problem.photo == photo].tolist())
         for at in np.flatnonzero(_far(places, problem.xy[ray]) < near).tolist():
             if at not in held:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +18,7 @@ __all__ = [
     "imaged",
     "imaged_places",
     "imaged_with_derivatives",
-    "seen_in_photo",
+    "seen_places",
 ]
 
 
@@ -132,24 +131,9 @@ def imaged(problem: Problem, state: BlockState) -> Projection:
     return Projection(xy, seen.depth)
 
 
-def seen_in_photo(problem: Problem, state: BlockState, photo: int) -> Projection:
-    """Return where one photo would see every point, through the lens that its camera states.
-
-    NaN for points that lie beyond the lens's fold: they are not imaged a second time.
-    """
-    n, lens = len(state.points), problem.stated_lens
-    c = np.ones(n) if lens is not None else np.full(n, problem.c[photo])
-    centres = np.broadcast_to(state.centres[photo], (n, 3))
-    rotations = np.broadcast_to(state.rotations[photo], (n, 3, 3))
-    seen = project(centres, rotations, c, state.points)
-    if lens is None:
-        return seen
-    with np.errstate(invalid="ignore", over="ignore"):
-        xy = through_lens(seen.xy, lens[photo]).xy
-    return Projection(_within_fold(seen.xy, lens[photo], xy), seen.depth)
-
-
-def imaged_places(problem: Problem, state: BlockState, photos: Index, places: Array) -> Imaged:
+def seen_places(
+    problem: Problem, state: BlockState, photos: Index | int, places: Array
+) -> Projection:
     """Return where photos would see places, through the lenses that their cameras state.
 
     Parameters
@@ -157,15 +141,28 @@ def imaged_places(problem: Problem, state: BlockState, photos: Index, places: Ar
     problem, state
         The bundle and its unknowns.
     photos
-        (n,) numbers of photos.
+        (n,) numbers of photos, or that of one for all.
     places
         (n, 3) one for each [m], relative to the state's origin.
 
     Returns
     -------
-    Imaged
-        Without additional parameters; `xy` is NaN beyond a lens's fold.
+    Projection
+        `xy` is NaN beyond a lens's fold: nothing is imaged a second time there.
     """
+    n, lens = len(places), problem.stated_lens
+    centres = np.broadcast_to(state.centres[photos], (n, 3))
+    rotations = np.broadcast_to(state.rotations[photos], (n, 3, 3))
+    if lens is None:
+        return project(centres, rotations, np.broadcast_to(problem.c[photos], n), places)
+    seen = project(centres, rotations, np.ones(n), places)
+    with np.errstate(invalid="ignore", over="ignore"):
+        xy = through_lens(seen.xy, lens[photos]).xy
+    return Projection(_within_fold(seen.xy, lens[photos], xy), seen.depth)
+
+
+def imaged_places(problem: Problem, state: BlockState, photos: Index, places: Array) -> Imaged:
+    """Return `seen_places` with derivatives, of n photos; without additional parameters."""
     where, lens = (state.centres[photos], state.rotations[photos]), problem.stated_lens
     none = np.zeros((len(photos), 2, 0))
     if lens is None:
@@ -182,15 +179,10 @@ def imaged_places(problem: Problem, state: BlockState, photos: Index, places: Ar
 
 def _within_fold(direction: Array, lens: Array, xy: Array) -> Array:
     """Return (n, 2) places in the image, NaN where (n, 2) directions lie beyond a lens's fold."""
-    fold = [_fold(*radial) for radial in np.atleast_2d(lens)[:, 3:6].tolist()]
+    fold = [lens_fold(*radial) for radial in np.atleast_2d(lens)[:, 3:6].tolist()]
     with np.errstate(invalid="ignore", over="ignore"):
         inside = np.hypot(*direction.T) <= np.array(fold)
     return np.where(inside[:, None], xy, np.nan)
-
-
-@lru_cache(maxsize=256)  # photos by the thousand have a camera or two
-def _fold(k1: float, k2: float, k3: float) -> float:
-    return lens_fold(k1, k2, k3)
 
 
 def imaged_with_derivatives(
