@@ -113,11 +113,11 @@ def adjust_problem(problem: Problem, *, progress: Progress | None = None) -> Adj
 
 def _adjusted(problem: Problem, progress: Progress | None) -> AdjustedBlock:
     bare = problem.bare
-    found, robust = _searched(bare, progress, problem)
+    found, robust, whole = _searched(bare, progress, problem)
     if bare is problem:
         return evaluate(problem, found, robust=robust, progress=progress)
     # orientations wait neither for additional parameters nor for conditions between points
-    return calibrated(problem, found.state, robust=robust, progress=progress)
+    return calibrated(problem, found.state, robust=robust, found=whole, progress=progress)
 
 
 def calibrated(
@@ -125,6 +125,7 @@ def calibrated(
     bare: BlockState,
     *,
     robust: BlockState | None = None,
+    found: Minimum | None = None,
     progress: Progress | None = None,
 ) -> AdjustedBlock:
     """Adjust a bundle with additional parameters and conditions from its minimum without them.
@@ -137,6 +138,8 @@ def calibrated(
         The minimum of `problem.bare`.
     robust
         A robust solution of `problem.bare`, if there is one.
+    found
+        The minimum that is reached from there, where it is known.
     progress
         Called with what is being done and the fraction of it.
 
@@ -151,6 +154,7 @@ def calibrated(
             problem,
             with_additional(problem, bare),
             robust=None if robust is None else with_additional(problem, robust),
+            found=found,
             progress=progress,
         )
     except NoConvergenceError as error:
@@ -171,24 +175,29 @@ def with_additional(problem: Problem, state: BlockState) -> BlockState:
     )
 
 
-def _explained_by_lens(whole: Problem, found: Minimum, progress: Progress | None) -> bool:
-    """Whether nothing but a lens is missing at a minimum: with its parameters, all fits."""
+def _explained_by_lens(whole: Problem, found: Minimum, progress: Progress | None) -> Minimum | None:
+    """Return the minimum with a lens where nothing else is missing: with its parameters, all fits.
+
+    None where something is.
+    """
     if whole.lens_units is None or whole.photo_invariant:
-        return False
+        return None
     start = with_additional(whole, found.state)
     try:
         structure = make_structure(whole, start.centres)
-        return _fits(whole, find_minimum(whole, start, structure, progress=progress))
+        explained = find_minimum(whole, start, structure, progress=progress)
     except (NotComputableError, np.linalg.LinAlgError):
-        return False
+        return None
+    return explained if _fits(whole, explained) else None
 
 
 def _searched(
     problem: Problem, progress: Progress | None, whole: Problem
-) -> tuple[Minimum, BlockState | None]:
+) -> tuple[Minimum, BlockState | None, Minimum | None]:
     """Return the best minimum, and a robust solution where one was looked for.
 
-    `whole` is the bundle with the additional parameters that the search does without.
+    `whole` is the bundle with the additional parameters that the search does without; its minimum
+    is the third where that was found on the way.
     """
     best: Minimum | None = None
     closest: _Closest | None = None
@@ -241,8 +250,9 @@ def _searched(
         if found is not None and _fits(problem, found):
             break
         # no gross error is looked for where a lens that is unknown yet bends everything
-        if found is not None and _explained_by_lens(whole, found, progress):
-            return found, None
+        by_lens = None if found is None else _explained_by_lens(whole, found, progress)
+        if found is not None and by_lens is not None:
+            return found, None, by_lens
         # the start hangs less on the last digits than where a search among gross errors ended
         solution = robust(start, structure)
         if found is not None and not (solution and solution.explains(len(problem.photo))):
@@ -276,9 +286,9 @@ def _searched(
     if best is not None and not (closest and _torn(problem, best, closest.solution)):
         seen_from = None if closest is None else closest.solution.state
         _check_minimum(problem, best, seen_from)
-        return best, seen_from
+        return best, seen_from, None
     if closest is not None:
-        return _led_to(problem, closest, reached, progress)
+        return *_led_to(problem, closest, reached, progress), None
     if failure is None:
         failure = NotComputableError(
             f"block {problem.block.name}: no approximate values found: the measurements "
@@ -379,6 +389,7 @@ def adjust_bundle(
     start: BlockState,
     *,
     robust: BlockState | None = None,
+    found: Minimum | None = None,
     progress: Progress | None = None,
 ) -> AdjustedBlock:
     """Adjust a bundle and compute the reliability of every observation.
@@ -391,6 +402,8 @@ def adjust_bundle(
         Approximate values.
     robust
         A robust solution, if there is one: where the search for gross errors starts.
+    found
+        The minimum that is reached from there, where it is known.
     progress
         Called with what is being done and the fraction of it.
 
@@ -406,7 +419,7 @@ def adjust_bundle(
     structure = make_structure(problem, start.centres)
     check_datum(problem, start, linearise(problem, start))
     try:
-        found = find_minimum(problem, start, structure, progress=progress)
+        found = found or find_minimum(problem, start, structure, progress=progress)
     except NoConvergenceError as error:
         if not objective(problem, start)[0] < float("inf"):
             raise
