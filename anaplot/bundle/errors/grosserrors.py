@@ -40,7 +40,7 @@ from anaplot.bundle.errors.misfits import (
 from anaplot.bundle.errors.misnamed import MisnamedRay, misnamed_rays
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.imaging import BlockState
-from anaplot.bundle.solve.linearised import linearise
+from anaplot.bundle.solve.linearised import counted_misclosures
 from anaplot.bundle.solve.observations import ObservationName
 from anaplot.bundle.solve.problem import Problem, make_problem
 from anaplot.bundle.solve.residuals import BlockResiduals
@@ -253,7 +253,7 @@ def _check_scale_at(
     out = problem.redundancy - first.redundancy
     if out + float(first.cofactors.r.sum()) < LEAST_REDUNDANCY:
         return
-    e = np.abs(linearise(problem, state).e)
+    e = np.abs(counted_misclosures(problem, state)[0])
     e = e.ravel() if problem.off is None else e[~problem.off]
     # about what a row of the block keeps of its error; other rows say nothing of image coordinates
     root = sqrt(problem.redundancy / problem.observations)

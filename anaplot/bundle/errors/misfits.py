@@ -19,7 +19,7 @@ from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.datum import check_datum
 from anaplot.bundle.solve.gaussnewton import Minimum, NoConvergenceError, find_minimum
 from anaplot.bundle.solve.imaging import BlockState
-from anaplot.bundle.solve.linearised import linearise
+from anaplot.bundle.solve.linearised import counted_misclosures, linearise
 from anaplot.bundle.solve.observations import ObservationName
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.structure import Structure, make_structure
@@ -146,7 +146,7 @@ def _control_believed(problem: Problem, off: FarOff) -> FarOff | None:
     firm = off.control & problem.fixed.any(axis=1)
     if not firm.any():
         return off
-    size = np.linalg.norm(linearise(problem, off.state).e * problem.sigma_xy, axis=1)
+    size = np.linalg.norm(counted_misclosures(problem, off.state)[0] * problem.sigma_xy, axis=1)
     wrong = firm[problem.point] & ~(size <= off.reach)
     count = np.bincount(problem.point, minlength=len(problem.points))
     if (np.bincount(problem.point[wrong], minlength=len(problem.points)) > count // 2).any():

@@ -19,6 +19,7 @@ from anaplot.photogrammetry.rotation import angle_derivatives, rotation_angles
 __all__ = [
     "Linearised",
     "Unknowns",
+    "counted_misclosures",
     "effect",
     "image_misclosures",
     "linearise",
@@ -146,14 +147,20 @@ def image_misclosures(problem: Problem, state: BlockState) -> tuple[Array, Array
     return e, seen.depth
 
 
+def counted_misclosures(problem: Problem, state: BlockState) -> tuple[Array, Array]:
+    """Return `image_misclosures` with zeros for rejected ones, as `linearise` has them."""
+    e, depth = image_misclosures(problem, state)
+    if problem.rejected is not None:
+        e[problem.rejected] = 0.0
+    return e, depth
+
+
 def objective(problem: Problem, state: BlockState) -> tuple[float, Array]:
     """Return v'Pv at a state, and the depth of every ray's point [m].
 
     Infinite where a condition means nothing, as where its points coincide: `linearise` says which.
     """
-    e, depth = image_misclosures(problem, state)
-    if problem.rejected is not None:
-        e[problem.rejected] = 0.0
+    e, depth = counted_misclosures(problem, state)
     total = float(np.vdot(e, e))
     photo, offsets = _photo_misclosures(problem, state)
     for part in (photo, *_prior_misclosures(problem, state)):

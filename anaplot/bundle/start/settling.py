@@ -9,7 +9,7 @@ import numpy as np
 
 from anaplot.aliases import Array
 from anaplot.bundle.solve.imaging import BlockState
-from anaplot.bundle.solve.linearised import linearise
+from anaplot.bundle.solve.linearised import counted_misclosures
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.structure import Structure
 from anaplot.bundle.start.robust import RobustState, reoriented, robust_state
@@ -59,7 +59,7 @@ def _as_it_is(problem: Problem, state: BlockState) -> BlockState:
 
 def _points_by_most_rays(problem: Problem, state: BlockState) -> BlockState:
     """Points with rays that are off, each where the two rays meet with which most others agree."""
-    e = linearise(problem, state).e * problem.sigma_xy
+    e = counted_misclosures(problem, state)[0] * problem.sigma_xy
     off = ~(np.linalg.norm(e, axis=1) <= _OFF * problem.sigma)
     rays = unit_rays(problem)
     points = state.points.copy()
