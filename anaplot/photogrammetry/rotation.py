@@ -16,6 +16,7 @@ __all__ = [
     "rotation_axes",
     "rotation_matrix",
     "turn",
+    "wrapped",
 ]
 
 
@@ -88,6 +89,11 @@ def angle_derivatives(rotation: Array) -> Array:
     """
     omega, phi, _ = rotation_angles(rotation)
     return np.asarray(np.linalg.pinv(rotation_axes(omega, phi), rcond=1e-9), dtype=np.float64)
+
+
+def wrapped(angles: Array) -> Array:
+    """Return angles [rad] in [-pi, pi): how far they are apart where they are differences."""
+    return (angles + pi) % (2.0 * pi) - pi
 
 
 def turn(x: float, y: float, z: float) -> Array:

@@ -190,8 +190,8 @@ def _held(
         held |= linear.given.held_points(state.points.shape)[seen] > 0.0
         given = linear.given.photo_rows(problem.per_photo)[mine]
         rows = np.concatenate((rows, given), axis=1)
-        moved = np.concatenate((moved, np.matmul(given, photo_null[mine])), axis=1)
-        left = np.concatenate((left, np.matmul(given, photo_null[mine])), axis=1)
+        beside = np.matmul(given, photo_null[mine])
+        moved, left = (np.concatenate((part, beside), axis=1) for part in (moved, left))
     present = np.any(rows != 0.0, axis=2)
     # in the block's own measure: metres over its extent, rotations in radians
     extent = float(np.ptp(state.centres[mine], axis=0).max(initial=0.0))

@@ -24,7 +24,7 @@ from anaplot.aliases import Array, Bools
 from anaplot.bundle.solve.givenprior import GivenPrior
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.errors import NotComputableError
-from anaplot.photogrammetry.rotation import angle_derivatives, rotation_angles
+from anaplot.photogrammetry.rotation import angle_derivatives, rotation_angles, wrapped
 
 __all__ = ["GivenEquations", "GivenUpdate", "given_equations", "prior_rounding"]
 
@@ -195,7 +195,7 @@ def given_equations(
         i = np.flatnonzero(~placed & (photo == turned))
         rotation, angle = state.rotations[turned], unknown[i] - 3
         off = np.array(rotation_angles(rotation))[angle] - prior.value[row[i]]
-        d[row[i]] = (off + np.pi) % (2.0 * np.pi) - np.pi
+        d[row[i]] = wrapped(off)
         jacobian[i, 3:] = angle_derivatives(rotation)[angle]
     columns = width * photo[:, None] + np.arange(6)
     photos = csr_array(

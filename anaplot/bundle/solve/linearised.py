@@ -10,11 +10,11 @@ from anaplot.aliases import Array
 from anaplot.bundle.solve.conditions import ConditionEquations
 from anaplot.bundle.solve.givenequations import GivenEquations, given_equations, prior_rounding
 from anaplot.bundle.solve.imaging import BlockState, imaged, imaged_with_derivatives
-from anaplot.bundle.solve.offsetequations import OffsetEquations, best_offsets, wrapped
+from anaplot.bundle.solve.offsetequations import OffsetEquations, best_offsets
 from anaplot.bundle.solve.problem import Problem
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.collinearity import turns
-from anaplot.photogrammetry.rotation import angle_derivatives, rotation_angles
+from anaplot.photogrammetry.rotation import angle_derivatives, rotation_angles, wrapped
 
 __all__ = [
     "Linearised",

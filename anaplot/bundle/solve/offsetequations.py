@@ -27,7 +27,12 @@ from scipy.linalg import cho_factor, cho_solve
 from anaplot.aliases import Array, Index
 from anaplot.bundle.solve.laidoffsets import LaidOffsets, OffsetName
 from anaplot.errors import NotComputableError
-from anaplot.photogrammetry.rotation import rotation_angles, rotation_axes, rotation_matrix
+from anaplot.photogrammetry.rotation import (
+    rotation_angles,
+    rotation_axes,
+    rotation_matrix,
+    wrapped,
+)
 
 __all__ = [
     "OffsetCofactors",
@@ -35,7 +40,6 @@ __all__ = [
     "OffsetUpdate",
     "OffsetsOpenError",
     "best_offsets",
-    "wrapped",
 ]
 
 _Solutions = tuple[Array, Array, Array]  # of photos (n, d, k), of points (p, 3, k), shared (g, k)
@@ -175,11 +179,6 @@ class OffsetEquations:
 def _weakest(laid: LaidOffsets, scaled: Array) -> list[OffsetName]:
     part = np.abs(np.linalg.eigh(scaled)[1][:, 0])
     return [laid.names[k] for k in np.flatnonzero(part > _SHARE * part.max()).tolist()]
-
-
-def wrapped(angle: Array) -> Array:
-    """Return angles in [-pi, pi)."""
-    return (angle + np.pi) % (2.0 * np.pi) - np.pi
 
 
 def best_offsets(
