@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple, cast
 
 from anaplot.aliases import TestKind
 from anaplot.photogrammetry.airandearth import AirAndEarth
-from anaplot.photogrammetry.camera import BrownLens, CameraCalibration
+from anaplot.photogrammetry.camera import BrownLens, CameraCalibration, pixel_size
 from anaplot.photogrammetry.groundsystem import GroundSystem
 from anaplot.photogrammetry.objectconditions import ObjectCondition
 from anaplot.photogrammetry.posterior import Posterior
@@ -83,7 +83,7 @@ class Camera:
     @property
     def pixel_mm(self) -> float:
         """Size of a pixel [mm]; a thousandth where none is stated."""
-        return 1e-3 * (1.0 if self.pixel_um is None else self.pixel_um)
+        return pixel_size(self.pixel_um)
 
     @property
     def lens_parameters(self) -> tuple[float, ...]:

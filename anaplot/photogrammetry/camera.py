@@ -13,7 +13,13 @@ __all__ = [
     "FiducialDistance",
     "RadialPolynomial",
     "RadialTable",
+    "pixel_size",
 ]
+
+
+def pixel_size(pixel_um: float | None) -> float:
+    """Return the size of a pixel [mm]; a thousandth where none is stated [um]."""
+    return 1e-3 * (1.0 if pixel_um is None else pixel_um)
 
 
 class Fiducial(NamedTuple):

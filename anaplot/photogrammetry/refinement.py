@@ -20,7 +20,12 @@ import numpy as np
 from anaplot.aliases import Array
 from anaplot.errors import InputError, NotComputableError
 from anaplot.photogrammetry.airandearth import AirAndEarth, RadialShift
-from anaplot.photogrammetry.camera import CameraCalibration, RadialPolynomial, RadialTable
+from anaplot.photogrammetry.camera import (
+    CameraCalibration,
+    RadialPolynomial,
+    RadialTable,
+    pixel_size,
+)
 from anaplot.photogrammetry.lens import through_lens, without_lens
 from anaplot.photogrammetry.planar import as_points, solve_pairs
 
@@ -255,7 +260,7 @@ def _reach_of_pixels(pixels: tuple[int, int], calibration: CameraCalibration) ->
     middle = (pixels[0] / 2.0, pixels[1] / 2.0)
     at = calibration.principal_px or middle
     far = hypot(*(abs(a - m) + m for a, m in zip(at, middle, strict=True)))
-    return far * 1e-3 * (1.0 if calibration.pixel_um is None else calibration.pixel_um)
+    return far * pixel_size(calibration.pixel_um)
 
 
 def _interpolate(table: RadialTable, radius: Array) -> tuple[Array, Array]:

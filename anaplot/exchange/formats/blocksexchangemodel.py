@@ -24,7 +24,7 @@ from anaplot.exchange.camerafile import MAX_PIXELS
 from anaplot.exchange.formats.sourcelines import SourceLine
 from anaplot.exchange.formats.xmlstream import Element
 from anaplot.photogrammetry.block import Camera, in_pixels
-from anaplot.photogrammetry.camera import BrownLens
+from anaplot.photogrammetry.camera import BrownLens, pixel_size
 from anaplot.photogrammetry.rotation import is_rotation, rotation_angles, rotation_matrix
 from anaplot.textfiles.wording import quoted
 
@@ -137,12 +137,12 @@ def group_of(found: Element, name: str) -> Group:
     skew = found.number("Skew") or 0.0
     # not 1000 * pixel_mm: 0.0024 mm are 2.4 um and not 2.4000000000000004
     pixel_um = None if pixel_mm is None else round(pixel_mm * 1e3, 12)
-    unit = 1e-3 * (1.0 if pixel_um is None else pixel_um)
     k1, k2, k3, p1, p2 = (found.number("Distortion", key) or 0.0 for key in _COEFFICIENTS)
     b1, b2 = 1.0 / aspect - 1.0, -skew / (focal * aspect)
     lens = BrownLens(k1, k2, k3, p2, p1, b1, b2)
+    c = focal * aspect * pixel_size(pixel_um)
     camera = in_pixels(
-        Camera(name, focal * aspect * unit, lens=lens if any(lens.coefficients) else None),
+        Camera(name, c, lens=lens if any(lens.coefficients) else None),
         (width, height),
         pixel_um,
         (width / 2.0, height / 2.0),

@@ -27,7 +27,7 @@ from anaplot.exchange.formats.colmapcamera import (
 )
 from anaplot.exchange.formats.xmlstream import Element
 from anaplot.photogrammetry.block import Camera, in_pixels
-from anaplot.photogrammetry.camera import BrownLens
+from anaplot.photogrammetry.camera import BrownLens, pixel_size
 from anaplot.photogrammetry.rotation import is_rotation
 from anaplot.textfiles.wording import quoted
 
@@ -116,9 +116,8 @@ def sensor_of(found: Element, name: str) -> Sensor:
         lens = BrownLens(k[0], k[1], k[2], p1, p2, b1, b2)
     pixel_mm = _pixel(found)
     pixel_um = None if pixel_mm is None else round(pixel_mm * 1e3, 12)
-    unit = 1e-3 * (1.0 if pixel_um is None else pixel_um)
     camera = in_pixels(
-        Camera(name, focal * unit, lens=lens if any(lens.coefficients) else None),
+        Camera(name, focal * pixel_size(pixel_um), lens=lens if any(lens.coefficients) else None),
         (width, height),
         pixel_um,
         (width / 2.0 + value["cx"], height / 2.0 + value["cy"]),
