@@ -112,6 +112,11 @@ class Observations:
         """Number of control coordinates, the rows after the image coordinates."""
         return int((self.ground[:, 0] == 0).sum())
 
+    @cached_property
+    def first_offset(self) -> int:
+        """First row of what is known of offsets; they end where the conditions begin."""
+        return self.starts[3] - len(self.offsets)
+
     def in_file_order(self, kind: int) -> Index:
         """Return the rows of a kind, counted after the image coordinates, in the order of the file.
 

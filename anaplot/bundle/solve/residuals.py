@@ -170,7 +170,7 @@ class BlockResiduals:
                 linear.photo_rows[photo_of, unknown_of],
             )
         )
-        number = self.rows.additional[: fourth - third - len(self.rows.offsets)]
+        number = self.rows.additional[: self.rows.first_offset - third]
         if problem.photo_invariant:
             photo, index = np.divmod(number, max(wide - 6, 1))
             column, weight = wide * photo + 6 + index, linear.own_weight[photo, index]
@@ -185,7 +185,7 @@ class BlockResiduals:
             at.append((np.arange(second, third)[:, None], wide + np.minimum(own, k - 1), rows_of))
             mine = self.rows.offsets
             root = np.sqrt(laid.weight[mine])
-            at.append((fourth - len(mine) + np.arange(len(mine)), wide + mine, root))
+            at.append((np.arange(self.rows.first_offset, fourth), wide + mine, root))
             wide += k
         if linear.conditions is not None:
             derivatives = linear.conditions.derivatives.tocoo()
@@ -236,10 +236,10 @@ class BlockResiduals:
         _, second, third, fourth = self.rows.starts
         offsets = 0 if problem.offsets is None else len(problem.offsets)
         photos, own = np.zeros((len(problem.photos), 6, k)), np.zeros((offsets, k))
-        at = np.flatnonzero((rows >= second) & (rows < third))
+        at = _between(rows, second, third)
         photo, unknown = self.rows.priors[rows[at] - second].T
         photos[photo, unknown, at] = 1.0
-        at = np.flatnonzero((rows >= fourth - len(self.rows.offsets)) & (rows < fourth))
+        at = _between(rows, self.rows.first_offset, fourth)
         own[self.rows.additional[rows[at] - third] - self.rows.parameters, at] = 1.0
         return photos, own
 
@@ -253,7 +253,7 @@ class BlockResiduals:
         out = np.zeros((len(self.names), photos.shape[2]))
         _, second, third, fourth = self.rows.starts
         out[second:third] = photos[tuple(self.rows.priors.T)]
-        out[fourth - len(self.rows.offsets) : fourth] = own[self.rows.offsets]
+        out[self.rows.first_offset : fourth] = own[self.rows.offsets]
         return out
 
     def _sides(self, rows: Index) -> tuple[Array, Array, Array]:
@@ -267,25 +267,25 @@ class BlockResiduals:
         photos = np.zeros((len(problem.photos), problem.per_photo, k))
         points = np.zeros((len(problem.points), 3, k))
         shared = np.zeros((len(normal.corner), k))
-        first, second, third, fourth = self.rows.starts
-        at = np.flatnonzero(rows < first)
+        first, second, third, _ = self.rows.starts
+        at = _between(rows, 0, first)
         ray, axis = np.divmod(rows[at], 2)
         photos[problem.photo[ray], :, at] = linear.a[ray, axis]
         points[problem.point[ray], :, at] = linear.b[ray, axis]
         if len(shared) and len(at):
             columns = normal.border_columns(problem.additional_group[ray])
             shared[columns, at[:, None]] = linear.h[ray, axis]
-        at = np.flatnonzero((rows >= first) & (rows < second))
+        at = _between(rows, first, second)
         kind, point, axis = self.rows.ground[rows[at] - first].T
         points[point, axis, at] = np.sqrt(linear.point_weight[kind, point, axis])
         if linear.offsets is not None:
             left = linear.offsets.projected(*self._units(rows))[0]
             photos += np.einsum("nid,nik->ndk", linear.photo_rows, left)
         else:
-            at = np.flatnonzero((rows >= second) & (rows < third))
+            at = _between(rows, second, third)
             photo, unknown = self.rows.priors[rows[at] - second].T
             photos[photo, :, at] = linear.photo_rows[photo, unknown]
-        at = np.flatnonzero((rows >= third) & (rows < fourth - len(self.rows.offsets)))
+        at = _between(rows, third, self.rows.first_offset)
         number = self.rows.additional[rows[at] - third]
         if problem.photo_invariant:
             photo, index = np.divmod(number, problem.per_photo - 6)
@@ -295,12 +295,17 @@ class BlockResiduals:
         return photos, points, shared
 
 
+def _between(rows: Index, first: int, end: int) -> Index:
+    """Return which of some rows are rows from `first` on and before `end`."""
+    return np.flatnonzero((rows >= first) & (rows < end))
+
+
 def _designed(system: BlockResiduals, x: Array, p: Array, s: Array) -> Array:
     """(n, k): the design times k solutions of photos, points and shared ones; not of conditions."""
     normal, problem = system.cofactors.normal, system.problem
     linear = normal.linear
     k = x.shape[2]
-    first, second, third, fourth = system.rows.starts
+    first, second, third, _ = system.rows.starts
     out = np.zeros((len(system.names), k))
     out[:first] = normal.seen(x, p, s).reshape(first, k)
     kind, point, axis = system.rows.ground.T
@@ -312,13 +317,13 @@ def _designed(system: BlockResiduals, x: Array, p: Array, s: Array) -> Array:
     else:
         photo, unknown = system.rows.priors.T
         out[second:third] = np.einsum("kd,kdj->kj", linear.photo_rows[photo, unknown], x[photo])
-    fourth -= len(system.rows.offsets)
-    number = system.rows.additional[: fourth - third]
+    end = system.rows.first_offset
+    number = system.rows.additional[: end - third]
     if problem.photo_invariant:
         photo, index = np.divmod(number, max(problem.per_photo - 6, 1))
-        out[third:fourth] = np.sqrt(linear.own_weight[photo, index])[:, None] * x[photo, 6 + index]
+        out[third:end] = np.sqrt(linear.own_weight[photo, index])[:, None] * x[photo, 6 + index]
     else:
-        out[third:fourth] = np.sqrt(linear.shared_weight[number])[:, None] * s[number]
+        out[third:end] = np.sqrt(linear.shared_weight[number])[:, None] * s[number]
     return out
 
 
