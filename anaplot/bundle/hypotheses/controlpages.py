@@ -140,6 +140,9 @@ class ControlPage:
         observation any more.
     rays
         Where it is seen.
+    verdict
+        "look": something is flagged; "unchecked": an error of any size stays unseen; "weak": only
+        a large one is seen; "good".
     plan, height
         None where it has no such coordinate, or is free of error.
     without
@@ -147,20 +150,19 @@ class ControlPage:
         would not be determined without it.
     difference, s
         Of a check point: adjusted minus given [m], and standard deviations.
-    verdict
-        "look": something is flagged; "unchecked": an error of any size stays unseen; "weak": only
-        a large one is seen; "good".
+    rejected
+        Its coordinates that are no observations any more.
     """
 
     point: str
     use: Literal["control", "check", "fixed", "rejected"]
     rays: tuple[ControlRay, ...]
-    plan: ControlPart | None
-    height: ControlPart | None
-    without: WithoutPoint | None
-    difference: tuple[float | None, float | None, float | None]
-    s: tuple[float | None, float | None, float | None]
     verdict: ControlVerdict
+    plan: ControlPart | None = None
+    height: ControlPart | None = None
+    without: WithoutPoint | None = None
+    difference: tuple[float | None, float | None, float | None] = (None, None, None)
+    s: tuple[float | None, float | None, float | None] = (None, None, None)
     rejected: tuple[str, ...] = ()
 
 
@@ -216,10 +218,7 @@ def control_pages(block: AdjustedBlock) -> tuple[ControlPage, ...]:
         if name not in mine:
             verdict: ControlVerdict = "look" if look else "unchecked"
             use: Literal["fixed", "rejected"] = "rejected" if gone else "fixed"
-            nothing = (None, None, None)
-            pages.append(
-                ControlPage(name, use, seen, None, None, None, nothing, nothing, verdict, gone)
-            )
+            pages.append(ControlPage(name, use, seen, verdict, rejected=gone))
             continue
         plan, height, every = (tests.get((name, part)) for part in ("plan", "height", "all"))
         look = look or any(one is not None and one.rejected for one in (plan, height, every))
@@ -231,12 +230,8 @@ def control_pages(block: AdjustedBlock) -> tuple[ControlPage, ...]:
             without = without._replace(held=stays)
         parts = [part for part in (in_plan, in_height) if part is not None]
         verdict = "look" if look else _verdict(parts)
-        nothing = (None, None, None)
         pages.append(
-            ControlPage(
-                *(name, "control", seen, in_plan, in_height, without, nothing, nothing, verdict),
-                gone,
-            )
+            ControlPage(name, "control", seen, verdict, in_plan, in_height, without, rejected=gone)
         )
     return tuple(pages)
 
@@ -316,21 +311,21 @@ class _Check(NamedTuple):
             name,
             "check",
             seen,
+            "look" if look or self.rejected else "good",
             None if plan is None else ControlPart(None, plan, None),
             None if height is None else ControlPart(None, height, None),
-            None,
-            (self.difference.get("X"), self.difference.get("Y"), self.difference.get("Z")),
-            (self.s.get("X"), self.s.get("Y"), self.s.get("Z")),
-            "look" if look or self.rejected else "good",
+            difference=(
+                self.difference.get("X"),
+                self.difference.get("Y"),
+                self.difference.get("Z"),
+            ),
+            s=(self.s.get("X"), self.s.get("Y"), self.s.get("Z")),
         )
 
 
 def _bare(name: str, seen: tuple[ControlRay, ...], look: bool) -> ControlPage:
     """Return the page of a check point whose differences cannot be tested."""
-    nothing = (None, None, None)
-    return ControlPage(
-        name, "check", seen, None, None, None, nothing, nothing, "look" if look else "unchecked"
-    )
+    return ControlPage(name, "check", seen, "look" if look else "unchecked")
 
 
 def _checks(block: AdjustedBlock) -> dict[str, _Check]:
