@@ -12,7 +12,7 @@ from anaplot.bundle.solve.observations import GROUND_KINDS, ORIENTATION, Observa
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.residuals import BlockResiduals
 
-__all__ = ["missing", "with_priors_of", "without", "without_same"]
+__all__ = ["missing", "with_priors_of", "with_rows_of", "without", "without_same"]
 
 
 def without(system: BlockResiduals, rows: frozenset[int]) -> Problem:
@@ -91,6 +91,21 @@ def with_priors_of(problem: Problem, other: Problem) -> Problem:
     expected[mine] = np.where(np.isfinite(expected[mine]), other.expected_sigma[its], np.nan)
     return replace(
         problem, position_sigma=position, rotation_sigma=rotation, expected_sigma=expected
+    )
+
+
+def with_rows_of(problem: Problem, other: Problem) -> Problem:
+    """Return a bundle with what takes part in another one of the same photos, points and rays.
+
+    Conditions between points are not asked for.
+    """
+    return replace(
+        problem,
+        rejected=other.rejected,
+        known_sigma=other.known_sigma,
+        expected_sigma=other.expected_sigma,
+        position_sigma=other.position_sigma,
+        rotation_sigma=other.rotation_sigma,
     )
 
 

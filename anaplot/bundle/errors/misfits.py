@@ -14,7 +14,7 @@ import numpy as np
 
 from anaplot.aliases import Array, Progress
 from anaplot.bundle.adjust import adjust_problem, calibrated, evaluate
-from anaplot.bundle.errors.leftout import missing
+from anaplot.bundle.errors.leftout import missing, with_rows_of
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.datum import check_datum
 from anaplot.bundle.solve.gaussnewton import Minimum, NoConvergenceError, find_minimum
@@ -85,23 +85,11 @@ def adjust_without_misfits(
         if bare is problem:
             block = evaluate(reduced, found, progress=progress)
         else:
-            reduced = _like(problem, reduced)
+            reduced = with_rows_of(problem, reduced)
             block = calibrated(reduced, found.state, progress=progress)
     except np.linalg.LinAlgError:
         raise failure from None
     return PartialAdjustment(block, missing(problem, reduced), str(failure))
-
-
-def _like(problem: Problem, reduced: Problem) -> Problem:
-    """Return the bundle with the observations of a smaller one."""
-    return replace(
-        problem,
-        rejected=reduced.rejected,
-        known_sigma=reduced.known_sigma,
-        expected_sigma=reduced.expected_sigma,
-        position_sigma=reduced.position_sigma,
-        rotation_sigma=reduced.rotation_sigma,
-    )
 
 
 def minimum_without_misfits(

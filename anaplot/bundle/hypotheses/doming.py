@@ -18,6 +18,7 @@ import numpy as np
 
 from anaplot.adjustment.hypothesis import critical_f
 from anaplot.aliases import Array, Index
+from anaplot.bundle.errors.leftout import with_rows_of
 from anaplot.bundle.solve.additional import AdditionalParameters, physical
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.crosscofactors import coordinate_cofactors
@@ -267,14 +268,9 @@ def doming(block: AdjustedBlock) -> Doming | None:
 def _as_adjusted(trial: Problem, adjusted: Problem) -> Problem:
     """Return a bundle without what the adjustment rejected, and with its weights."""
     return replace(
-        trial,
-        rejected=adjusted.rejected,
+        with_rows_of(trial, adjusted),
         sigma=adjusted.sigma,
         axis_factor=adjusted.axis_factor,
-        known_sigma=adjusted.known_sigma,
-        expected_sigma=adjusted.expected_sigma,
-        position_sigma=adjusted.position_sigma,
-        rotation_sigma=adjusted.rotation_sigma,
         conditions=adjusted.conditions,
     )
 
