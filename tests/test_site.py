@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 pytest.importorskip("sphinx", reason="the extra docs is not installed")
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("site")]
 
 ROOT = Path(__file__).parents[1]
 LOADS = {"script": "src", "img": "src", "link": "href", "iframe": "src", "source": "src"}
