@@ -24,7 +24,7 @@ from anaplot.report.adjustarguments import (
 from anaplot.report.commandparser import CommandParser, Commands
 from anaplot.report.doorarguments import add_export_arguments, add_import_arguments
 from anaplot.report.innerarguments import add_inner_arguments
-from anaplot.report.newcommand import add_new_arguments, run_new
+from anaplot.report.newarguments import add_new_arguments
 from anaplot.report.plancommands import add_plan_commands
 from anaplot.report.plotterarguments import add_plotter_commands
 from anaplot.report.reportarguments import add_report_command
@@ -184,6 +184,12 @@ def _report(options: argparse.Namespace) -> int:
     return run_report(options)
 
 
+def _new(options: argparse.Namespace) -> int:
+    from anaplot.report.newcommand import run_new
+
+    return run_new(options)
+
+
 def _replay(options: argparse.Namespace) -> int:
     if options.salvage is not None:
         from anaplot.report.salvagecommand import run_salvage
@@ -315,7 +321,7 @@ def command_parser() -> CommandParser:
     add_plan_commands(commands)
     new = commands.add(
         "new",
-        run_new,
+        _new,
         "a block from a few answers, or from options without questions",
         "anaplot new survey --strip 101-105",
         "anaplot new flight --strip 101-120 --strip 220-201 --camera rmk15 --control points.txt",

@@ -124,6 +124,16 @@ def test_commands_stand_in_groups_in_the_order_of_the_work() -> None:
         assert text.index(f"  {title}:\n") < text.index(f"\n    {names[0]} ")
 
 
+def test_what_prints_tables_writes_them_as_csv() -> None:
+    parser = command_parser()
+    lines_only = {"import", "export"}  # what was assumed and left out
+    for name, one in commands_of(parser).items():
+        for prog, command in ((name, one), *commands_of(one).items()):
+            options = command._option_string_actions
+            if "--json" in options and prog not in lines_only:
+                assert {"--csv", "--all"} <= options.keys(), prog
+
+
 @pytest.mark.parametrize("width", [20, 40, 80, 200])
 def test_help_keeps_to_the_width(width: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", str(width))

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 from math import hypot
 from types import MappingProxyType
 
@@ -25,6 +24,7 @@ from anaplot.orientation.pair import Stereopair, TieErrors
 from anaplot.orientation.results import ModelSolution
 from anaplot.orientation.tieerrors import stationary_errors
 from anaplot.photogrammetry.block import Precision, TestSettings, TieVariance
+from anaplot.textfiles.wording import hint, quoted
 
 __all__ = [
     "FEWEST_TIES",
@@ -256,7 +256,7 @@ def pattern(name: str) -> Pattern:
     try:
         return PATTERNS[name]
     except KeyError:
-        near = get_close_matches(name[:60], PATTERNS, n=1)
+        near = hint(name, PATTERNS, listing=False)
         names = ", ".join(one.name for one in _NAMED)
-        known = f"the nearest is {near[0]!r}" if near else f"there are {names} and with ties 13/5"
-        raise InputError(f"no point pattern {name[:60]!r}; {known}") from None
+        known = near or f"; there are {names} and with ties 13/5"
+        raise InputError(f"no point pattern {quoted(name)}{known}") from None

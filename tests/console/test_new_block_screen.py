@@ -146,7 +146,7 @@ def test_open_asks_where_there_is_no_block(tmp_path, monkeypatch, capsys, device
 
 
 def test_options_questions_and_screen_have_one_declaration(tmp_path):
-    from anaplot.report.newcommand import add_new_arguments
+    from anaplot.report.newarguments import add_new_arguments
 
     parser = argparse.ArgumentParser()
     add_new_arguments(parser)

@@ -454,7 +454,7 @@ def test_what_is_no_pattern_is_named_as_what_it_is(capsys, tmp_path, monkeypatch
         ("dir", f"'dir' {expected}"),
         ("", f"'' {expected}"),
         ("/dev/null", f"'/dev/null' {expected}"),
-        ("13/4", "no point pattern '13/4'; the nearest is '13/"),
+        ("13/4", "no point pattern '13/4' (did you mean '13/"),
         ("nonsense", "no point pattern 'nonsense'; there are 6, 8, 9, 10, 10d,"),
         ("x" * 5000, "no point pattern 'xxx"),
     ):
