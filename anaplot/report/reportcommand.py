@@ -33,6 +33,7 @@ from anaplot.report.html.sections.verdict import verdict_lines
 from anaplot.report.html.write import check_report, write_report
 from anaplot.report.html.written import written_answer, written_lines
 from anaplot.report.keywords import declared_options
+from anaplot.report.lengthunits import in_px, without_pixel_size
 from anaplot.report.output import Output
 from anaplot.report.reportarguments import add_report_arguments
 from anaplot.report.running import computed
@@ -106,9 +107,12 @@ def block_report(
 
 
 def _report(material: Material, made: Provenance, angles: AngleUnit) -> Report:
+    verdict = verdict_lines(material.adjusted.result, material.status)
+    if without_pixel_size(material.measured):
+        verdict = tuple(map(in_px, verdict))
     report = Report(
         say("Block {}", material.measured.name),
-        verdict_lines(material.adjusted.result, material.status),
+        verdict,
         block_sections(material),
         provenance_section(made, material.measured),
     )

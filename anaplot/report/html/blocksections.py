@@ -103,6 +103,7 @@ def _sections(material: Material) -> Iterator[Section | None]:
     yield accuracy_section(document, material.summary)
     yield from (by_key.pop(key, None) for key in _EARLY)
     yield residuals_section(material.block)
+    yield by_key.pop("photo-residuals", None)
     yield maps_section(material.block)
     yield adjustment_section(document)
     yield from part_sections(document)

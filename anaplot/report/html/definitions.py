@@ -251,6 +251,7 @@ _BY_KEY |= {
     "s_px": Definition("its standard deviation in pixels"),
     "freedom": Definition("free, weighted or held"),
     "set": Definition("set of additional parameters"),
+    "outcome": Definition("what became of the parameters: kept, left out, held"),
     "stage": Definition("step of the choice"),
     "dimension": Definition("number of parameters tested together", "b", "Gruen 1978, eq. (31)"),
     "noncentrality": Definition(

@@ -48,6 +48,7 @@ MOST_ROWS = 2500
 
 _LONGEST = 60  # characters of a name that are shown; the whole is its title
 _FOLDED = 30  # rows of a table that is shown without being opened
+_FEW = 14  # rows that are not parted on paper
 _SHORT = 90  # characters of a caption in one line
 _MANY, _ACROSS = 9, 17  # columns from which paper has smaller letters, and lies across
 
@@ -107,8 +108,8 @@ class TableView:
     short
         Whether the caption stands in one line.
     width
-        "", "many" or "across": whether it has so many columns that paper needs smaller letters, or
-        lies across.
+        "many" or "across" where it has so many columns that paper needs smaller letters, or lies
+        across; "few" where it has so few rows that paper does not part them.
     """
 
     id: str
@@ -298,7 +299,7 @@ class _Plan:
             self._left_out(address, n, len(chosen)),
             len(chosen) > _FOLDED and not self._inside,
             sum(len(piece.text) for piece in text_of(caption)) <= _SHORT,
-            _width(len(columns)),
+            _width(len(columns)) + (" few" if len(chosen) <= _FEW else ""),
         )
 
     def _left_out(self, address: str, n: int, shown: int) -> str:

@@ -8,8 +8,6 @@ import numpy as np
 
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.drawing.drawing import Drawing
-from anaplot.report.columns import counted
-from anaplot.report.document import say
 from anaplot.report.figures.blockmap import block_map
 from anaplot.report.figures.photobars import photo_redundancy
 from anaplot.report.figures.pointmaps import (
@@ -18,7 +16,7 @@ from anaplot.report.figures.pointmaps import (
     effect_map,
     redundancy_map,
 )
-from anaplot.report.figures.residuals import photo_residuals, residual_pattern
+from anaplot.report.figures.residuals import residual_pattern
 from anaplot.report.figures.testvalues import (
     histogram_of_w,
     image_coordinates,
@@ -28,7 +26,6 @@ from anaplot.report.html.parts import HtmlBlock, Section
 
 __all__ = ["map_section", "maps_section", "residuals_section"]
 
-_MOST_PHOTOS = 24  # whose residual vectors are drawn: those with the largest w first
 _WHAT = "image coordinates"
 
 
@@ -46,9 +43,6 @@ def residuals_section(block: AdjustedBlock) -> Section | None:
         *_patterns(block),
     ]
     blocks: list[HtmlBlock] = [one for one in drawings if one is not None]
-    photos = tuple(_photos(block))
-    if photos:
-        blocks.append(photos[0] if len(photos) == 1 else _of_photos(block, photos))
     return Section("residuals", "Residuals", tuple(blocks)) if blocks else None
 
 
@@ -61,34 +55,14 @@ def _patterns(block: AdjustedBlock) -> Iterator[Drawing | None]:
             yield residual_pattern(block, camera.id, key=f"residual-pattern-{k + 1}")
 
 
-def _photos(block: AdjustedBlock) -> Iterator[Drawing]:
-    problem = block.problem
-    largest = np.zeros(len(problem.photos))
-    np.maximum.at(largest, problem.photo, np.nan_to_num(np.abs(block.w)).max(axis=1))
-    worst = np.sort(np.argsort(-largest, kind="stable")[:_MOST_PHOTOS])
-    for k in worst.tolist():
-        drawing = photo_residuals(block, problem.photos[k])
-        if drawing is not None:
-            yield drawing
-
-
-def _of_photos(block: AdjustedBlock, drawings: tuple[Drawing, ...]) -> Section:
-    count = len(block.problem.photos)
-    words = counted(len(drawings), "photo")
-    said = () if len(drawings) == count else (
-        say("{} of {}: those with the largest standardized residuals", words, count),
-    )  # fmt: skip
-    return Section("photo-residuals", "Residuals of single photos", (*said, *drawings), folded=True)
-
-
 def maps_section(block: AdjustedBlock) -> Section | None:
     """Return where the block is accurate, checked, and what stays undetected."""
-    drawings = (
-        photo_redundancy(block),
+    maps = (
         *accuracy_maps(block),
         redundancy_map(block),
         detectable_map(block),
         effect_map(block),
+        photo_redundancy(block),
     )
-    found = tuple(one for one in drawings if one is not None)
+    found = tuple(one for one in maps if one is not None)
     return Section("maps", "Accuracy and reliability over the ground", found) if found else None

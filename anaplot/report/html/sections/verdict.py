@@ -13,7 +13,7 @@ import numpy as np
 
 from anaplot.bundle.hypotheses.givenparts import PartTest
 from anaplot.bundle.solve.adjusted import AdjustedBlock
-from anaplot.report.adjustdocument import ALARM, sigma0_limit
+from anaplot.report.adjustdocument import ALARM, DATUM, sigma0_limit
 from anaplot.report.adjusttables import is_fine
 from anaplot.report.blockadjustment import BlockAdjustment
 from anaplot.report.columns import counted
@@ -79,9 +79,9 @@ def _sigma0(block: AdjustedBlock) -> Line:
     um = block.problem.block.precision.image_um
     if block.sigma0 is None:
         return say("there is no sigma0")
-    words = "is larger than" if _too_large(block) else "agrees with"
+    words = "larger than" if _too_large(block) else "not significantly larger than"
     return say(
-        "sigma0 {:.2f} um {} the a-priori {:g} um (test at {:g} %)",
+        "sigma0 {:.2f} um is {} the {:g} um a priori (test at {:g} %)",
         block.sigma0 * um,
         words,
         um,
@@ -95,12 +95,12 @@ def _sound(found: BlockAdjustment, status: BlockStatus) -> Line:
     if found.rejected:
         without = say(", without {}", counted(len(found.rejected), "rejected observation"))
     if block.critical is None or block.redundancy < 1:
-        return say("Sound: nobody can tell: redundancy {}, no test is possible", block.redundancy)
+        return say("Sound: Nobody can tell: redundancy {}, no test is possible", block.redundancy)
     flagged = _flagged(block)
     if flagged:
         return (
             say(
-                "Sound: no: {} of {} flagged",
+                "Sound: No: {} of {} flagged",
                 flagged,
                 counted(block.problem.observations, "observation"),
             )
@@ -108,7 +108,7 @@ def _sound(found: BlockAdjustment, status: BlockStatus) -> Line:
             + _sigma0(block)
         ).of("look")
     if _is_certain(status) and not found.rejected:
-        return say("Sound: no: a point or a photo is surely wrong; {}", _sigma0(block)).of("look")
+        return say("Sound: No: a point or a photo is surely wrong; {}", _sigma0(block)).of("look")
     doubts = [
         *([_sigma0(block)] if _too_large(block) else []),
         *([say("tests reject given coordinates")] if _refused(found) else []),
@@ -116,12 +116,12 @@ def _sound(found: BlockAdjustment, status: BlockStatus) -> Line:
     ]
     if doubts:
         return (
-            say("Sound: with doubts: no observation of {} is flagged", block.problem.observations)
+            say("Sound: With doubts: no observation of {} is flagged", block.problem.observations)
             + without
             + say("; but {}", named(doubts, separator=", "))
         ).of("remark")
     return (
-        say("Sound: yes: no observation of {} is flagged", block.problem.observations)
+        say("Sound: Yes: no observation of {} is flagged", block.problem.observations)
         + without
         + say("; ")
         + _sigma0(block)
@@ -149,8 +149,8 @@ def _wrong(found: BlockAdjustment, status: BlockStatus) -> Line:
         words = "observation was" if rejected == 1 else "observations were"
         gone = say("{} gross {} rejected, with the evidence below; ", rejected, words)
     if not lines:
-        rest = "nothing else shows" if rejected else "nothing shows in what is checked"
-        return say("Wrong: ") + gone + say("{}", rest)
+        rest = "nothing else shows" if rejected else "Nothing shows in what is checked"
+        return say("Wrong: ") + gone + rest
     return (say("Wrong: ") + gone + say("{}", _several(lines))).of("look")
 
 
@@ -171,6 +171,8 @@ def _unchecked(found: BlockAdjustment, status: BlockStatus) -> Line:
         lines.append(say("along the rays {} of two photos alone", counted(two, "point")))
     if not block.check_rows():
         lines.append(say("the coordinates as a whole: there is no check point"))
+    if block.problem.datum != "control":
+        lines.append(say("where it lies: its datum is {}", DATUM[block.problem.datum]))
     view = status.block
     if view is not None and view.weak:
         lines.append(say("{} with few redundant observations", counted(len(view.weak), "photo")))
@@ -178,7 +180,7 @@ def _unchecked(found: BlockAdjustment, status: BlockStatus) -> Line:
         strips = named(status.accidents.unchecked, _FEW)
         lines.append(say("the numbering of points in strips {}", strips))
     if not lines:
-        return say("Unchecked: nothing")
+        return say("Unchecked: Nothing")
     return say("Unchecked: {}", _several(lines)).of("remark")
 
 
@@ -186,7 +188,7 @@ def _accuracy(found: BlockAdjustment) -> Line:
     block = found.block
     indicators, form = block.indicators(), ".6f" if is_fine(block) else ".3f"
     line = say(
-        f"Accuracy: points have standard deviations of {{:{form}}} m in X, {{:{form}}} in Y and "
+        f"Accuracy: Points have standard deviations of {{:{form}}} m in X, {{:{form}}} in Y and "
         f"{{:{form}}} in Z on average",
         indicators.ai_x,
         indicators.ai_y,
@@ -214,7 +216,7 @@ def _next(found: BlockAdjustment, status: BlockStatus) -> Line:
     suspects = block.suspects()
     if found.rejected:
         return say(
-            "Next: measure again what was rejected, or switch it off: adjust --errors {} --apply",
+            "Next: Measure again what was rejected, or switch it off: adjust --errors {} --apply",
             _strategy(found),
         )
     if step.do in ("measure", "return", "accept"):
@@ -222,7 +224,7 @@ def _next(found: BlockAdjustment, status: BlockStatus) -> Line:
     if suspects:
         _, photo, point, axis = suspects[0]
         return say(
-            "Next: measure point {} in photo {} again ({} first), and adjust anew",
+            "Next: Measure point {} in photo {} again ({} first), and adjust anew",
             point,
             photo,
             axis,
@@ -230,19 +232,19 @@ def _next(found: BlockAdjustment, status: BlockStatus) -> Line:
     others = [what for _, what, kind in block.flagged_observations() if kind != "image"]
     if others:
         shown = named(list(islice(others, _FEW)))
-        return say("Next: look at {}, and adjust anew", shown).of("look")
+        return say("Next: Look at {}, and adjust anew", shown).of("look")
     if _too_large(block):
         return say(
-            "Next: find out why the images are measured worse than stated, or state it "
+            "Next: Find out why the images are measured worse than stated, or state it "
             "([precision] image_um)"
         ).of("look")
     if _refused(found):
-        return say("Next: look at the given points that are rejected, and adjust anew").of("look")
+        return say("Next: Look at the given points that are rejected, and adjust anew").of("look")
     if not block.check_rows():
         return say(
-            "Next: nothing has to be measured again; check points would prove the coordinates"
+            "Next: Nothing has to be measured again; check points would prove the coordinates"
         )
-    return say("Next: nothing has to be measured again")
+    return say("Next: Nothing has to be measured again")
 
 
 def _strategy(found: BlockAdjustment) -> str:
