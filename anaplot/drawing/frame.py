@@ -76,6 +76,17 @@ class Frame:
         turned = np.array([sx, -sy])
         return np.asarray(covariance * turned[:, None] * turned)
 
+    def within(self, start: Array, step: Array) -> Array:
+        """Return (n,) which part, 0 to 1, of steps in the drawing lies within the frame.
+
+        Of a step that begins outside it is all: what lies outside is not cut.
+        """
+        low, high = np.array([self.left, self.top]), np.array([self.right, self.bottom])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            room = np.where(step > 0.0, (high - start) / step, (low - start) / step)
+        room = np.where(step == 0.0, 1.0, room).min(axis=1)
+        return np.where(((start >= low) & (start <= high)).all(axis=1), np.minimum(room, 1.0), 1.0)
+
     def holds(self, points: Array) -> Bools:
         """Return (n,) which numbers lie within it."""
         low, high = np.array([self.x[0], self.y[0]]), np.array([self.x[1], self.y[1]])

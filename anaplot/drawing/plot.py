@@ -199,12 +199,22 @@ class Plot:
         if len(corners):
             self.path(pathdata.polygons(self.frame.places(corners)), classes)
 
-    def arrows(self, at: Array, vectors: Array, times: float, classes: str) -> None:
-        """Add arrows at (n, 2) numbers, of (n, 2) differences in the same unit, exaggerated."""
-        if len(at):
-            start = self.frame.places(at)
-            end = start + self.frame.steps(vectors) * times
-            self.path(pathdata.arrows(start, end), f"line {classes}")
+    def arrows(self, at: Array, vectors: Array, times: float, classes: str) -> int:
+        """Add arrows at (n, 2) numbers, of (n, 2) differences in the same unit, exaggerated.
+
+        One that would leave the frame ends at its side without a head; returned is how many do.
+        """
+        if not len(at):
+            return 0
+        start = self.frame.places(at)
+        step = self.frame.steps(vectors) * times
+        within = self.frame.within(start, step)
+        whole, end = within >= 1.0, start + step * within[:, None]
+        d = pathdata.arrows(start[whole], end[whole]) + pathdata.segments(
+            start[~whole], end[~whole]
+        )
+        self.path(d, f"line {classes}")
+        return int(np.count_nonzero(~whole))
 
     def ellipses(self, at: Array, covariance: Array, times: float, classes: str) -> None:
         """Add ellipses whose half axes are the roots of the eigenvalues, exaggerated.

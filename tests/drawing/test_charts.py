@@ -222,3 +222,23 @@ def test_an_ellipse_of_x_and_y_that_grow_together_rises_to_the_right() -> None:
     (d,) = paths(sound(plot.drawing("1 ellipse")), "l-series-2")
     degrees = float(re.findall(r"a\S+? \S+? (\S+?) ", d)[0])
     assert degrees % 180.0 == pytest.approx(135.0, abs=0.1)  # y is down
+
+
+def test_an_arrow_that_leaves_the_frame_ends_at_its_side_without_a_head() -> None:
+    points = np.array([[0.0, 0.0], [100.0, 50.0]])
+    plot = Plot(HEAD, equal_frame(50.0, points))
+    vectors = np.array([[3.0, 0.0], [3000.0, 1000.0], [0.0, 0.0]])
+    cut = plot.arrows(np.array([[50.0, 25.0]] * 3), vectors, 1.0, "l-series-1")
+    assert cut == 1
+    (d,) = paths(sound(plot.drawing("3 arrows")), "l-series-1")
+    begun = plot.frame.places(np.array([50.0, 25.0]))
+    lines = [one for one in runs(d) if one[0] == pytest.approx(begun, abs=0.06)]
+    ends = np.array([one[-1] for one in lines])
+    frame = plot.frame
+    assert (ends >= [frame.left - 0.1, frame.top - 0.1]).all()
+    assert (ends <= [frame.right + 0.1, frame.bottom + 0.1]).all()
+    long = max(lines, key=lambda one: np.hypot(*(one[-1] - one[0])))
+    step = (long[-1] - long[0]) * [1, -1]
+    assert step[0] / step[1] == pytest.approx(3.0, rel=0.01)
+    heads = [one for one in runs(d) if len(one) == 3]
+    assert len(heads) == 1

@@ -10,7 +10,7 @@ import pytest
 from svgs import SVG, paths, runs, sound, texts
 
 from anaplot.adjustment.testdistribution import TestDistribution
-from anaplot.bundle.adjust import adjust_block
+from anaplot.bundle.adjust import adjust_block, adjust_problem
 from anaplot.bundle.blockmap import flagged_points, mean_redundancy
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.photogrammetry.block import ImagePoint, TestSettings
@@ -114,6 +114,22 @@ def test_residuals_of_a_photo_are_drawn_at_their_points(block: AdjustedBlock) ->
     v_um = block.tested.residual[2 * ray : 2 * ray + 2]
     assert (shaft[1] - shaft[0]) == pytest.approx(v_um * 1e-3 * times * scale * [1, -1], abs=0.2)
     assert v_um[0] < -30.0  # adjusted minus observed: against the error
+
+
+def test_what_is_rejected_is_crossed_and_draws_no_vector(block: AdjustedBlock) -> None:
+    problem = block.problem
+    ray = next(k for k, point in enumerate(problem.point) if problem.points[point] == HOSTILE)
+    rejected = np.zeros((len(problem.photo), 2), dtype=bool)
+    rejected[ray] = True
+    without = adjust_problem(replace(problem, rejected=rejected))
+    photo = problem.photos[problem.photo[ray]]
+    drawing = photo_residuals(without, photo)
+    assert drawing is not None
+    assert "rejected or off (1)" in texts(sound(drawing))
+    of_photo = int((problem.photo == problem.photo[ray]).sum())
+    assert f"{of_photo - 1} rays" in drawing.description
+    assert "a ray is rejected (1)" in texts(sound(block_map(without)))
+    assert "rejected" not in " ".join(texts(sound(block_map(block))))
 
 
 def test_a_photo_that_is_not_there(block: AdjustedBlock) -> None:

@@ -40,6 +40,9 @@ CONTROL_SHAPES = (
 """What control and check points are drawn with: name, shape, classes, size."""
 
 
+_CONTROL_IN_WORDS = ("in plan and height", "in height only", "in plan only", "to check")
+
+
 class _Control(NamedTuple):
     """Control and check points.
 
@@ -146,6 +149,13 @@ def block_map(
         plot.explain(Entry("mark", f"flagged ({int(flagged.sum())})", bold, "circle", 6.5 * size))
     if flagged.sum() > len(some):
         notes += (f"{len(some)} of {int(flagged.sum())} flagged points are drawn, the worst ones.",)
+    out = np.zeros(len(problem.points), dtype=bool)
+    out[problem.point[problem.newly_rejected.any(axis=1)]] = True
+    rejected = np.flatnonzero(out & view.near)
+    plot.marks("cross", view.at[rejected[:_MOST_FLAGGED]], "line l-ink", 4.5 * size)
+    if len(rejected):
+        label = f"a ray is rejected ({len(rejected)})"
+        plot.explain(Entry("mark", label, "line l-ink", "cross", 4.5 * size))
     _name(plot, view, places, names, some if size == 1.0 else some[:_NAMED_OF_MANY])
     plot.note(*notes, *view.far_note)
     return plot.drawing(_description(view, flagged, counts, times, planned))
@@ -252,7 +262,7 @@ def _draw_ellipses(
     most = max(int(np.prod(np.ptp(room, axis=0)) / _ROOM_OF_ELLIPSE), _FEWEST_ELLIPSES)
     chosen = drawn[thinned(view.at[drawn], min(most, _MOST_ELLIPSES))]
     plot.ellipses(view.at[chosen], covariance[chosen], times, "line thin l-ink")
-    length = round_down(2.0 * _SMALLEST / plot.frame.scale[0] / times)
+    length = round_down(1.2 * _SMALLEST / plot.frame.scale[0] / times)
     wide = length * plot.frame.scale[0] * times
     label = f"error ellipse, half axis {length_of(length)}"
     plot.explain(Entry("ellipse", label, "line thin l-ink", length=2.0 * wide))
@@ -274,14 +284,12 @@ def _description(view: GroundView, flagged: Bools, counts: str, times: float, pl
     block = view.block
     control = np.bincount(_control_of(block).kind, minlength=len(CONTROL_SHAPES)).tolist()
     kinds = ", ".join(
-        f"{count} {label}"
-        for count, (label, *_) in zip(control, CONTROL_SHAPES, strict=True)
-        if count
+        f"{count} {label}" for count, label in zip(control, _CONTROL_IN_WORDS, strict=True) if count
     )
     r = mean_redundancy(block)
     said = [f"{'Planned block' if planned else 'Map of the block'}: {counts}."]
     if kinds:
-        said.append(f"Control: {kinds}.")
+        said.append(f"Control points: {kinds}.")
     if np.isfinite(r).any():
         weakest = int(np.nanargmin(r))
         said.append(

@@ -44,6 +44,8 @@ class _Seen(NamedTuple):
         (n,) whether x or y is flagged.
     point
         (n,) indices of points.
+    out
+        (k, 2) where rays were measured that do not count: off, or rejected.
     """
 
     xy: Array
@@ -51,6 +53,7 @@ class _Seen(NamedTuple):
     deviation: Array
     flagged: Bools
     point: Index
+    out: Array
 
 
 def _seen(block: AdjustedBlock, rays: Index) -> _Seen:
@@ -68,6 +71,7 @@ def _seen(block: AdjustedBlock, rays: Index) -> _Seen:
         expected[some],
         flagged[some],
         problem.point[rays][some],
+        problem.xy[rays][~some] * of_mm,
     )
 
 
@@ -125,6 +129,10 @@ def photo_residuals(block: AdjustedBlock, photo: str, *, key: str | None = None)
     times = _vectors(plot, seen, v, length, units)
     plot.dots(seen.xy[~seen.flagged], "l-ink", 2.5)
     plot.marks("circle", seen.xy[seen.flagged], "line bold l-bad", 6.0)
+    plot.marks("cross", seen.out, "line l-soft", 3.5)
+    if len(seen.out):
+        label = f"rejected or off ({len(seen.out)})"
+        plot.explain(Entry("mark", label, "line l-soft", "cross", 3.5))
     order = np.argsort(-(length + 1e6 * seen.flagged), kind="stable")
     named = order[: max(int(seen.flagged.sum()), 5) if len(order) <= 40 else 12]
     points = problem.points
@@ -146,8 +154,10 @@ def _vectors(plot: Plot, seen: _Seen, v: Array, length: Array, units: ImageUnits
     if len(chosen) < len(v):
         plot.note(f"{len(chosen)} of {len(v)} vectors are drawn, the flagged ones among them.")
     plain, flagged = (chosen[seen.flagged[chosen] == is_so] for is_so in (False, True))
-    plot.arrows(seen.xy[plain], v[plain] * um, times, "l-series-1")
-    plot.arrows(seen.xy[flagged], v[flagged] * um, times, "bold l-bad")
+    cut = plot.arrows(seen.xy[plain], v[plain] * um, times, "l-series-1")
+    cut += plot.arrows(seen.xy[flagged], v[flagged] * um, times, "bold l-bad")
+    if cut:
+        plot.note(f"Without a head, since longer than the drawing: {counted(cut, 'vector')}.")
     size = round_down(40.0 / (scale * times))
     plot.explain(
         Entry("arrow", f"{size:g} {units.small}", "line l-series-1", length=size * scale * times)
