@@ -85,7 +85,7 @@ def run_report(options: argparse.Namespace) -> int:
 def block_report(
     found: Computed[BlockAdjustment],
     folder: str | os.PathLike[str] | None = None,
-    plates: Sequence[OrientedPlate] = (),
+    plates: Sequence[OrientedPlate] | None = None,
     *,
     angles: AngleUnit = "deg",
 ) -> Report:
@@ -98,11 +98,14 @@ def block_report(
     folder
         The folder that the block was read from.
     plates
-        Inner orientations, from `block_plates`.
+        Inner orientations, from `block_plates`; None: those of the folder's journal.
     angles
         Unit of angles in its tables.
     """
-    material = Material(found, None if folder is None else Path(folder), tuple(plates))
+    path = None if folder is None else Path(folder)
+    if plates is None:
+        plates = () if path is None else block_plates(path)
+    material = Material(found, path, tuple(plates))
     return _report(material, provenance(), angles)
 
 

@@ -29,6 +29,7 @@ from anaplot.report.html.sections.models import models_section
 from anaplot.report.html.sections.photoresiduals import photo_residuals_section
 from anaplot.report.html.sections.switchedoff import protocol_blocks
 from anaplot.report.logcommand import log_document
+from anaplot.report.reportcommand import block_report
 from anaplot.station.sessionlog import read_log
 
 SESSIONS = Path(__file__).parents[1] / "sessions"
@@ -312,3 +313,16 @@ def test_a_journal_that_cannot_be_read_is_said_on_the_page(tmp_path: Path) -> No
     sections = evidence_sections(adjust(folder, datum="free"), folder)
     assert "The journal cannot be read" in Page(*sections).text
     assert "models" in titles(*sections)
+
+
+def test_a_report_from_a_program_has_the_inner_orientations_of_the_journal(tmp_path: Path) -> None:
+    folder = strip(tmp_path)
+    (folder / "sessions").mkdir()
+    journal = (SESSIONS / "fiducials.jsonl").read_bytes()
+    (folder / "sessions" / "0001.jsonl").write_bytes(journal)
+    found = adjust(folder, datum="free")
+    report = block_report(found, folder)
+    assert {"inner", "protocol"} <= set(titles(*report.sections))
+    page = Page(*report.sections)
+    assert "Photo 101, in model 101/102, 20" in page.text
+    assert "inner" not in titles(*block_report(found).sections)

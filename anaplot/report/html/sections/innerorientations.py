@@ -147,6 +147,8 @@ def _plate(number_: int, plate: OrientedPlate, found: Document, *, folded: bool)
     title = say("Photo {}", plate.photo)
     if plate.model is not None:
         title += say(", in model {}", plate.model)
+    if plate.time is not None:
+        title += say(", {}", local_time(plate.time))
     if plate.file is not None:
         title += say(", from {}", plate.file)
     caption = say("Fiducials of photo {}", plate.photo)
