@@ -54,8 +54,9 @@ def _mathml(block: bool) -> Callable[[Any, nodes.Element], None]:
 
     def visit(translator: Any, node: nodes.Element) -> None:
         written = tex2mathml(node.astext(), as_block=block)
-        tag = "div" if block else "span"
-        translator.body.append(f'<{tag} class="math">{written}</{tag}>')
+        # a wide formula scrolls sideways; none has a bar of its own for its height
+        tag, style = ("div", ' style="overflow-y: hidden"') if block else ("span", "")
+        translator.body.append(f'<{tag} class="math"{style}>{written}</{tag}>')
         raise nodes.SkipNode
 
     return visit
