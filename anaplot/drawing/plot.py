@@ -24,6 +24,7 @@ __all__ = ["Head", "Plot", "drawn"]
 _SIDE = 20.0  # blank at left and right of titles and notes
 _LINE = 16.0
 _LONGEST_TITLE = 90
+_BETWEEN = 14.0  # between two numbers of an axis
 _LONGEST_NAME, _NAME_SIZE = 14, 10.5  # of names beside points: characters, and their size
 
 
@@ -150,7 +151,7 @@ class Plot:
             Whether lines go on through the frame.
         """
         of = self.frame
-        along = x_ticks or ticks(*of.x, 9)
+        along = x_ticks or _apart(of)
         up = y_ticks or ticks(*of.y, 7)
         x = of.places(np.array([[value, of.y[0]] for value in along.values]).reshape(-1, 2))[:, 0]
         y = of.places(np.array([[of.x[0], value] for value in up.values]).reshape(-1, 2))[:, 1]
@@ -272,6 +273,16 @@ class Plot:
         notes, y = _noted(self._notes, self.frame.left, y, width)
         body = joined(*self._layers, explained, notes)
         return drawn(self.head, " ".join((description, *self._notes)), body, y + 10.0)
+
+
+def _apart(frame: Frame) -> Ticks:
+    """Return round numbers along x whose labels stand apart."""
+    for most in range(9, 2, -1):
+        found = ticks(*frame.x, most)
+        wide = max((text_width(label, _NAME_SIZE) for label in found.labels), default=0.0)
+        if wide + _BETWEEN <= found.step * frame.scale[0]:
+            break
+    return found
 
 
 def _noted(notes: Iterable[str], left: float, y: float, width: float) -> tuple[Svg, float]:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import re
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from anaplot.drawing.classes import classes_of
 from anaplot.drawing.frame import equal_frame, free_frame
 from anaplot.drawing.labels import placed
 from anaplot.drawing.plot import Head, Plot
+from anaplot.drawing.textwidth import text_width
 from anaplot.drawing.thinning import thinned
 
 HEAD = Head("one", "One & only", "3 of them.")
@@ -242,3 +244,19 @@ def test_an_arrow_that_leaves_the_frame_ends_at_its_side_without_a_head() -> Non
     assert step[0] / step[1] == pytest.approx(3.0, rel=0.01)
     heads = [one for one in runs(d) if len(one) == 3]
     assert len(heads) == 1
+
+
+@pytest.mark.parametrize("origin", [0.0, 5.4e6, -3.2e7])
+@pytest.mark.parametrize("size", [0.003, 7.0, 2600.0])
+def test_numbers_of_an_axis_stand_apart(origin: float, size: float) -> None:
+    plot = Plot(HEAD, equal_frame(50.0, np.array([[0.0, 0.0], [size, size / 3]]) + origin))
+    plot.axes("X [m]", "Y [m]")
+    root = sound(plot.drawing("no points: 0"))
+    below = [
+        (float(one.get("x", "0")), text_width(one.text or "", 10.5))
+        for one in root.iter(f"{SVG}text")
+        if one.get("class") == "t-soft t-small t-mid"
+    ]
+    assert len(below) >= 2
+    for (a, wide), (b, other) in pairwise(below):
+        assert b - a > (wide + other) / 2 + 5.0

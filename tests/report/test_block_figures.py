@@ -110,7 +110,9 @@ def test_residuals_of_a_photo_are_drawn_at_their_points(block: AdjustedBlock) ->
     middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
     expected = middle + problem.xy[ray] * scale * [1, -1]
     assert shaft[0] == pytest.approx(expected, abs=0.2)
-    times = float(re.search(r"enlarged ([\d.e+]+) times", drawing.description)[1])  # type: ignore[index]
+    told = re.search(r"enlarged ([\d ]+) times", drawing.description)
+    assert told is not None
+    times = float(told[1].replace(" ", ""))
     v_um = block.tested.residual[2 * ray : 2 * ray + 2]
     assert (shaft[1] - shaft[0]) == pytest.approx(v_um * 1e-3 * times * scale * [1, -1], abs=0.2)
     assert v_um[0] < -30.0  # adjusted minus observed: against the error

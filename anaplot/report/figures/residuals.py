@@ -15,7 +15,7 @@ from anaplot.drawing.frame import equal_frame
 from anaplot.drawing.legend import Entry
 from anaplot.drawing.plot import Head, Plot
 from anaplot.drawing.thinning import thinned
-from anaplot.drawing.ticks import round_down
+from anaplot.drawing.ticks import round_down, written
 from anaplot.photogrammetry.block import Camera
 from anaplot.report.columns import counted
 from anaplot.report.figures.imageunits import ImageUnits, image_units
@@ -26,6 +26,7 @@ _MOST_VECTORS = 2400
 _LONG = 42.0  # units of the drawing: the longer ones of a photo's vectors
 _FEWEST_IN_CELL, _RAYS_A_CELL, _MOST_CELLS = 5, 14, 12
 _RARE = 9.21  # chi-square of two degrees of freedom, exceeded by 1 in 100
+_ROUNDING_UM = 1e-3  # residuals as small as that are points
 _WITHIN = 0.9  # of a cell: the longest mean
 
 
@@ -141,14 +142,16 @@ def photo_residuals(block: AdjustedBlock, photo: str, *, key: str | None = None)
     )
     flagged = [points[k] for k in seen.point[seen.flagged][:10].tolist()]
     said = f"Flagged: {', '.join(flagged)}." if flagged else "None is flagged."
-    return plot.drawing(f"{title}: {numbers}. Vectors are enlarged {times:g} times. {said}")
+    return plot.drawing(
+        f"{title}: {numbers}. Vectors are enlarged {written(times, 0)} times. {said}"
+    )
 
 
 def _vectors(plot: Plot, seen: _Seen, v: Array, length: Array, units: ImageUnits) -> float:
     """Draw the vectors of a photo with their scale, and return the exaggeration."""
     um = 1e-3 * units.of_mm  # 1 um in the unit of the axes
     scale = plot.frame.scale[0] * um
-    typical = float(np.quantile(length, 0.95)) or 1.0
+    typical = max(float(np.quantile(length, 0.95)), _ROUNDING_UM)
     times = round_down(_LONG / (typical * scale))
     chosen = thinned(seen.xy, _MOST_VECTORS, seen.flagged)
     if len(chosen) < len(v):
@@ -279,7 +282,7 @@ def residual_pattern(
     plot.areas(cells.middle[:, None] + half, "grid")
     scale = plot.frame.scale[0] * um
     reach = _WITHIN * float(size.min()) * plot.frame.scale[0]
-    times = round_down(reach / (max(float(np.quantile(length, 0.95)), 1e-6) * scale))
+    times = round_down(reach / (max(float(np.quantile(length, 0.95)), _ROUNDING_UM) * scale))
     start = cells.middle - cells.mean * um * times / 2.0  # the vector's middle is the cell's
     plain, bold = ~cells.beyond, cells.beyond
     plot.arrows(start[plain], cells.mean[plain] * um, times, "l-series-1")
@@ -294,4 +297,4 @@ def residual_pattern(
     plot.explain(
         Entry("arrow", f"{unit:g} {units.small}", "line l-series-1", length=unit * scale * times)
     )
-    return plot.drawing(f"{title}. {numbers}. Vectors are enlarged {times:g} times.")
+    return plot.drawing(f"{title}. {numbers}. Vectors are enlarged {written(times, 0)} times.")
