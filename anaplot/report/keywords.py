@@ -12,7 +12,14 @@ from typing import Any, ParamSpec, TypeAlias, TypeVar
 from anaplot.errors import InputError
 from anaplot.textfiles.wording import hint, plain, quoted
 
-__all__ = ["Declare", "declared_options", "keywords_of", "names_in", "takes_options"]
+__all__ = [
+    "Declare",
+    "chosen_options",
+    "declared_options",
+    "keywords_of",
+    "names_in",
+    "takes_options",
+]
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -40,6 +47,22 @@ def declared_options(declare: Declare) -> dict[str, argparse.Action]:
     options = _Options()
     declare(options)
     return options.declared
+
+
+def chosen_options(declare: Declare, options: argparse.Namespace) -> dict[str, Any]:
+    """Return a command line's options that are not what they are without, by what one types."""
+    return {
+        _typed(action, getattr(options, key)): getattr(options, key)
+        for key, action in declared_options(declare).items()
+        if action.option_strings and getattr(options, key) != action.default
+    }
+
+
+def _typed(action: argparse.Action, value: object) -> str:
+    """Return the word that gives an option a value: the first long one, or that says no."""
+    if isinstance(action, argparse.BooleanOptionalAction) and value is False:
+        return action.option_strings[-1]
+    return next(word for word in action.option_strings if word.startswith("--"))
 
 
 def takes_options(declare: Declare) -> Callable[[Callable[P, T]], Callable[P, T]]:

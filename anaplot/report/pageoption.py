@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from anaplot.report.computed import Computed
 from anaplot.report.document import BLANK, Document
-from anaplot.report.keywords import Declare, declared_options
+from anaplot.report.keywords import Declare, chosen_options, declared_options
 
 if TYPE_CHECKING:
     from anaplot.report.html.parts import Report
@@ -33,6 +33,8 @@ class AskedPage:
         Where it goes; None: none is asked for.
     command
         As one types it.
+    options
+        Those that are not what they are without.
     reads
         The files that the command reads.
     files
@@ -43,6 +45,7 @@ class AskedPage:
 
     path: Path | None
     command: str
+    options: Mapping[str, Any]
     reads: tuple[Path, ...]
     files: tuple[InputFile, ...]
     report: MakesPage
@@ -77,13 +80,14 @@ class AskedPage:
             It cannot be written, or is no earlier report.
         """
         if options.report is None:
-            return cls(None, "", (), (), report)
+            return cls(None, "", {}, (), (), report)
         from anaplot.report.html.sections.provenance import checked_files
         from anaplot.report.html.write import check_report
 
         check_report(options.report)
-        typed, there = as_typed(command, declare, options), tuple(reads())
-        return cls(options.report, typed, there, checked_files(there), report)
+        chosen, there = chosen_options(declare, options), tuple(reads())
+        typed = as_typed(command, declare, options)
+        return cls(options.report, typed, chosen, there, checked_files(there), report)
 
     @property
     def uses(self) -> Mapping[str, tuple[Path, ...]]:
@@ -114,7 +118,7 @@ class AskedPage:
         from anaplot.report.html.written import written_answer, written_lines
 
         unchanged(self.files, checked_files(self.reads))
-        made = provenance(self.command, {}, self.files)
+        made = provenance(self.command, self.options, self.files)
         report = replace(self.report(found), provenance=provenance_section(made))
         written = write_report(with_definitions(report), self.path)
         told = {**written_answer(written), "provenance": provenance_answer(made)}
@@ -127,17 +131,16 @@ class AskedPage:
 
 def as_typed(command: str, declare: Declare, options: argparse.Namespace) -> str:
     """Return a command with what it is given and its options that are not the default."""
+    actions = declared_options(declare)
     given: list[object] = []
-    chosen: list[str] = []
-    for key, action in declared_options(declare).items():
-        value = getattr(options, key)
+    for key, action in actions.items():
         if not action.option_strings:
+            value = getattr(options, key)
             given += value if isinstance(value, list | tuple) else [value]
-        elif value != action.default:
-            several = value if isinstance(value, list) else [value]
-            for one in several:
-                chosen.append(action.option_strings[-1])
-                if action.nargs != 0:
-                    text = ",".join(map(str, one)) if isinstance(one, tuple) else str(one)
-                    chosen.append(text)
-    return shlex.join(["anaplot", *command.split(), *map(str, given), *chosen])
+    switches = {word for one in actions.values() if one.nargs == 0 for word in one.option_strings}
+    words: list[str] = []
+    for option, value in chosen_options(declare, options).items():
+        for one in value if isinstance(value, list) else [value]:
+            text = ",".join(map(str, one)) if isinstance(one, tuple) else str(one)
+            words += [option] if option in switches else [option, text]
+    return shlex.join(["anaplot", *command.split(), *map(str, given), *words])

@@ -7,7 +7,6 @@ import os
 import shlex
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 from anaplot.exchange.blockfolder import block_files
 from anaplot.exchange.blockpack import block_paths
@@ -32,7 +31,7 @@ from anaplot.report.html.sections.provenance import (
 from anaplot.report.html.sections.verdict import verdict_lines
 from anaplot.report.html.write import check_report, write_report
 from anaplot.report.html.written import written_answer, written_lines
-from anaplot.report.keywords import declared_options
+from anaplot.report.keywords import chosen_options
 from anaplot.report.lengthunits import in_px, without_pixel_size
 from anaplot.report.output import Output
 from anaplot.report.reportarguments import add_report_arguments
@@ -64,7 +63,7 @@ def run_report(options: argparse.Namespace) -> int:
     found = computed(options, adjust)
     plates = block_plates(options.block, options.fiducials)
     unchanged(files, checked_files(computing))
-    made = provenance(_command(options), _chosen(options), files)
+    made = provenance(_command(options), chosen_options(add_report_arguments, options), files)
     material = Material(found, options.block, plates)
     report = _report(material, made, options.angles)
     written = write_report(report, options.output, options.figures, most_rows=options.rows)
@@ -124,16 +123,6 @@ def _report(material: Material, made: Provenance, angles: AngleUnit) -> Report:
 
 def _command(options: argparse.Namespace) -> str:
     return " ".join(["anaplot", options.command, shlex.quote(str(options.block))])
-
-
-def _chosen(options: argparse.Namespace) -> dict[str, Any]:
-    """Return the options that say what is computed, where they are not what they are without."""
-    declared = declared_options(add_report_arguments)
-    return {
-        action.option_strings[-1]: getattr(options, key)
-        for key, action in declared.items()
-        if action.option_strings and getattr(options, key) != action.default
-    }
 
 
 def _named_files(options: argparse.Namespace) -> Iterator[Path]:

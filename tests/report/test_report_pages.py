@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
+import shlex
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,8 +15,10 @@ from clibench import here, make_block, one_line
 
 from anaplot import bridge, compare, plan
 from anaplot.adjustment.hypothesis import critical_f
+from anaplot.cli import command_parser
 from anaplot.exchange.blockfolder import write_block
 from anaplot.planning.blockplan import BlockPlan, plan_block
+from anaplot.report.adjustarguments import add_bridge_arguments, add_compare_arguments
 from anaplot.report.figures import displacements
 from anaplot.report.html.definitions import definition_of
 from anaplot.report.html.pages.epochpage import epoch_report
@@ -24,6 +27,8 @@ from anaplot.report.html.pages.strippage import strip_report
 from anaplot.report.html.parts import Report, drawings_in, tables_in
 from anaplot.report.html.render import html_of
 from anaplot.report.html.sections.definitions import columns_shown
+from anaplot.report.pageoption import as_typed
+from anaplot.report.planarguments import add_block_arguments, add_network_arguments
 
 HOSTILE = "</td><script>alert(1)</script>"
 
@@ -67,6 +72,7 @@ def test_a_strip_in_five_lines(tmp_path: Path, capsys) -> None:
     made = told["report"].pop("provenance")
     assert told["report"] == {"page": str(page), "bytes": size, "cut": [], "figures": []}
     assert made["command"] == f"anaplot bridge {folder} --json --report {page}"
+    assert made["options"] == {"--json": "True", "--report": str(page)}
     sums = {one["file"]: one["sha256"] for one in made["files"]}
     points = folder / "image_points.csv"
     assert sums[str(points)] == hashlib.sha256(points.read_bytes()).hexdigest()
@@ -185,3 +191,28 @@ def test_every_column_of_these_pages_has_a_definition(tmp_path: Path, epochs) ->
     shown = {(key, one.key) for report in reports for key, one in columns_shown(report)}
     assert len(shown) > 50
     assert {pair for pair in shown if definition_of(*pair) is None} == set()
+
+
+@pytest.mark.parametrize(
+    "typed",
+    [
+        "plan block --strips 2 --bridging 2.0,4.0 --twin",
+        "plan network cube --case A,B --image-um 4.0",
+        "compare 'a b' c d --no-common-parameters --stable 1,2",
+        "compare a b --separate --common-parameters",
+        "bridge x --correlations --errors odds",
+    ],
+)
+def test_a_command_is_written_as_it_is_typed(typed: str) -> None:
+    words = shlex.split(typed)
+    options = command_parser().parse_args(words)
+    name = " ".join(words[: 2 if words[0] == "plan" else 1])
+    declare = {
+        "plan block": add_block_arguments,
+        "plan network": add_network_arguments,
+        "compare": add_compare_arguments,
+        "bridge": add_bridge_arguments,
+    }[name]
+    again = shlex.split(as_typed(name, declare, options))[1:]
+    assert vars(command_parser().parse_args(again)) == vars(options)
+    assert sorted(again) == sorted(words)
