@@ -6,6 +6,7 @@ The library, each name loaded when it is first used (docs/library.md):
 - `bridge`, `adjust`, `find_gross_errors`, `compare`: what the commands compute, with their options
   as keywords; each returns a `Computed`
 - `orient`: one model, from arrays
+- `block_report`, `write_report`: what `adjust` has returned, as a page
 - `plan.pattern`, `plan.block`, `plan.network`, `simulate`: the same for what is not yet measured
 - `replay`: a recorded session through the same code
 - `load_profile`, `Decoder`: an instrument's profile, and the readings in its bytes
@@ -32,7 +33,9 @@ if TYPE_CHECKING:
     from anaplot.report.bridgecommand import bridge, orient
     from anaplot.report.comparecommand import compare
     from anaplot.report.computed import Computed
+    from anaplot.report.html.write import write_report
     from anaplot.report.replaycommand import replay
+    from anaplot.report.reportcommand import block_report
     from anaplot.report.simulatecommand import simulate
 
 __all__ = [
@@ -46,6 +49,7 @@ __all__ = [
     "NotComputableError",
     "__version__",
     "adjust",
+    "block_report",
     "bridge",
     "compare",
     "find_gross_errors",
@@ -55,6 +59,7 @@ __all__ = [
     "read_block",
     "replay",
     "simulate",
+    "write_report",
 ]
 
 # as TYPE_CHECKING imports them
@@ -69,7 +74,9 @@ _HOMES = {
     "anaplot.report.bridgecommand": ("bridge", "orient"),
     "anaplot.report.comparecommand": ("compare",),
     "anaplot.report.computed": ("Computed",),
+    "anaplot.report.html.write": ("write_report",),
     "anaplot.report.replaycommand": ("replay",),
+    "anaplot.report.reportcommand": ("block_report",),
     "anaplot.report.simulatecommand": ("simulate",),
 }
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
