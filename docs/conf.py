@@ -30,6 +30,7 @@ exclude_patterns = ["_build", "notebooks"]
 templates_path: list[str] = []
 
 myst_enable_extensions = ["dollarmath"]
+myst_dmath_double_inline = True
 myst_heading_anchors = 3
 myst_links_external_new_tab = False
 
@@ -43,6 +44,8 @@ nitpick_ignore_regex = [(r"py:.*", r".*")]
 
 html_theme = "furo"
 html_title = "anaplot"
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
 html_math_renderer = "mathml"
 html_copy_source = html_show_sourcelink = html_domain_indices = False
 html_show_sphinx = False

@@ -58,6 +58,28 @@ def language_runs(page: Path, language: str) -> bool:
     return language in RUN and (page.name, language) not in ELSEWHERE
 
 
+def test_the_verdicts_of_the_handbook_are_said() -> None:
+    """Their words, without names and numbers, stand in the program."""
+    page = (ROOT / "docs" / "handbook.md").read_text(encoding="utf-8")
+    rows = re.findall(
+        r"^\| (\"[^|]*) \|", page.split("## What to do with each verdict")[1], re.MULTILINE
+    )
+    said = [words for row in rows for words in re.findall(r'"([^"]+)"', row)]
+    assert len(said) > 10
+    source = "".join(
+        re.sub(r'"\s*f?"', "", path.read_text(encoding="utf-8"))
+        for path in sorted((ROOT / "anaplot").rglob("*.py"))
+    )
+    source = re.sub(r"\s+", " ", source)
+    parts = {
+        part.strip()
+        for words in said
+        for part in re.split(r"\b(?:P|Q|[xy]|[\d./]+)\b|[():]", words)
+        if len(part.strip()) > 4
+    }
+    assert {part for part in parts if part not in source} == set()
+
+
 def test_the_instruments_are_those_that_ship() -> None:
     page = (ROOT / "docs" / "instruments.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| `([\w-]+)` \|[^|]*\| (two|one) \| (yes|) *\|", page, re.MULTILINE)
