@@ -14,10 +14,10 @@ __all__ = ["WIDTH", "Frame", "Range", "equal_frame", "free_frame"]
 Range = tuple[float, float]
 """Lowest and highest value."""
 
-WIDTH = 760.0
+WIDTH = 640.0
 """Width of every drawing; a page shows it as wide as it has room."""
 
-_LEFT, _RIGHT = 84.0, 20.0
+_LEFT, _RIGHT = 84.0, 16.0
 _MARGIN = 0.06  # of the extent, around what is drawn to scale
 _FINEST = 1e-9  # of the size of the numbers: a narrower extent is no axis
 _FLATTEST, _STEEPEST = 0.34, 0.92  # height over width of a frame to scale
@@ -98,7 +98,7 @@ def free_frame(
     x: Range,
     y: Range,
     *,
-    height: float = 300.0,
+    height: float = 270.0,
     left: float = 64.0,
     round_x: bool = True,
 ) -> Frame:

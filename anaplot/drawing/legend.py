@@ -14,7 +14,7 @@ from anaplot.drawing.textwidth import text_width
 
 __all__ = ["Entry", "hatching", "legend"]
 
-_ROW = 19.0
+_ROW = 20.0
 _SYMBOL, _GAP, _AFTER = 20.0, 6.0, 20.0
 _LONGEST = 90  # characters of what is said
 
@@ -95,7 +95,7 @@ def legend(entries: Sequence[Entry], left: float, top: float, width: float) -> t
     parts: list[Svg] = []
     for entry in entries:
         label = shortened(entry.label, _LONGEST)
-        wide = entry.room + _GAP + text_width(label, 12.0)
+        wide = entry.room + _GAP + text_width(label)
         if x > left and x + wide > left + width:
             x, y = left, y + _ROW
         parts.append(entry.symbol(x, y))

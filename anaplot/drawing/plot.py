@@ -15,17 +15,17 @@ from anaplot.drawing.frame import WIDTH, Frame
 from anaplot.drawing.labels import placed
 from anaplot.drawing.legend import Entry, legend
 from anaplot.drawing.pathdata import Shape
-from anaplot.drawing.textwidth import folded, text_width
+from anaplot.drawing.textwidth import SMALL, folded, text_width
 from anaplot.drawing.ticks import Ticks, ticks
 from anaplot.textfiles.wording import plain
 
 __all__ = ["Head", "Plot", "drawn"]
 
-_SIDE = 20.0  # blank at left and right of titles and notes
-_LINE = 16.0
-_LONGEST_TITLE = 90
+_SIDE = 16.0  # blank at left and right of titles and notes
+_LINE = 16.5
+_LONGEST_TITLE = 68
 _BETWEEN = 14.0  # between two numbers of an axis
-_LONGEST_NAME, _NAME_SIZE = 14, 10.5  # of names beside points: characters, and their size
+_LONGEST_NAME = 14  # characters of names beside points
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,7 +169,7 @@ class Plot:
         for at, label in zip(y.tolist(), up.labels, strict=True):
             self.add(text(of.left - 7.0, at + 3.8, label, "t-soft t-small t-end"))
         self.add(text(of.left + of.width / 2.0, of.bottom + 34.0, x_title, "t-mid"))
-        wide = max((text_width(label, _NAME_SIZE) for label in up.labels), default=0.0)
+        wide = max((text_width(label, SMALL) for label in up.labels), default=0.0)
         beside = max(of.left - wide - 20.0, 14.0)
         self.add(text(beside, of.top + of.height / 2.0, y_title, "t-mid", turned=True))
         self._below = of.bottom + 42.0
@@ -247,13 +247,13 @@ class Plot:
         shown = [shortened(name, _LONGEST_NAME) for name in names[:most]]
         if not shown:
             return []
-        sizes = np.array([[text_width(name, _NAME_SIZE), 0.8 * _NAME_SIZE] for name in shown])
+        sizes = np.array([[text_width(name, SMALL), 0.8 * SMALL] for name in shown])
         others = None if obstacles is None else self.frame.places(obstacles)
         at = self.frame.places(at[:most])
         found = placed(self.frame, at, sizes, gap=gap, obstacles=others, most=most)
         whole = f"t-small t-halo {classes}".strip()
         for label in found:
-            y = label.y + 0.8 * _NAME_SIZE
+            y = label.y + 0.8 * SMALL
             self.add(text(label.x, y, names[label.which], whole, most=_LONGEST_NAME))
         room = {label.which for label in found}
         return [k for k in range(len(names)) if k not in room]
@@ -279,7 +279,7 @@ def _apart(frame: Frame) -> Ticks:
     """Return round numbers along x whose labels stand apart."""
     for most in range(9, 2, -1):
         found = ticks(*frame.x, most)
-        wide = max((text_width(label, _NAME_SIZE) for label in found.labels), default=0.0)
+        wide = max((text_width(label, SMALL) for label in found.labels), default=0.0)
         if wide + _BETWEEN <= found.step * frame.scale[0]:
             break
     return found
@@ -288,7 +288,7 @@ def _apart(frame: Frame) -> Ticks:
 def _noted(notes: Iterable[str], left: float, y: float, width: float) -> tuple[Svg, float]:
     parts = []
     for note in notes:
-        for line in folded(plain(note, 600), width, 10.5):
+        for line in folded(plain(note, 600), width, SMALL):
             y += _LINE
             parts.append(text(left, y - 3.0, line, "t-soft t-small"))
     return (joined(*parts) if parts else NOTHING), y

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from anaplot.drawing.palette import COLOURS, RAMP, SERIES
+from anaplot.drawing.textwidth import SMALL, TEXT, TINY
 
 __all__ = ["FONT", "STYLE"]
 
@@ -23,13 +24,13 @@ def _sheet() -> str:
     ink, soft, paper = _colour("ink"), _colour("soft"), _colour("paper")
     rules = [
         ".drawing{display:block;width:100%;height:auto;font-family:" + FONT + ";"
-        "font-size:12px;font-variant-numeric:tabular-nums;background:" + paper + "}",
+        f"font-size:{TEXT:g}px;font-variant-numeric:tabular-nums;background:" + paper + "}",
         f".drawing text{{fill:{ink};stroke:none}}",
         f".drawing text.t-soft{{fill:{soft}}}",
         f".drawing text.t-bad{{fill:{_colour('bad')}}}",
         ".drawing text.t-title{font-size:15px;font-weight:600}",
-        ".drawing text.t-small{font-size:10.5px}",
-        ".drawing text.t-tiny{font-size:9px}",
+        f".drawing text.t-small{{font-size:{SMALL:g}px}}",
+        f".drawing text.t-tiny{{font-size:{TINY:g}px}}",
         ".drawing text.t-strong{font-weight:600}",
         ".drawing text.t-mid{text-anchor:middle}",
         ".drawing text.t-end{text-anchor:end}",

@@ -5,7 +5,10 @@ from __future__ import annotations
 import unicodedata
 from functools import lru_cache
 
-__all__ = ["folded", "text_width"]
+__all__ = ["SMALL", "TEXT", "TINY", "folded", "text_width"]
+
+TEXT, SMALL, TINY = 12.5, 11.0, 9.5
+"""Sizes of texts in units of the drawing: of most, of numbers and names, and the smallest."""
 
 _BROADEST = 1.06  # of the fonts that may be there
 _NARROW = frozenset("iljI.,:;'|!`")
@@ -28,12 +31,12 @@ def _of(character: str) -> float:
     return 0.68 if character.isupper() else 0.59
 
 
-def text_width(text: str, size: float = 12.0) -> float:
+def text_width(text: str, size: float = TEXT) -> float:
     """Return the width of a text set in a size, rather too much than too little."""
     return size * sum(map(_of, text)) * _BROADEST
 
 
-def folded(text: str, width: float, size: float = 12.0) -> list[str]:
+def folded(text: str, width: float, size: float = TEXT) -> list[str]:
     """Return the lines of a text none of which is wider, but where a word is."""
     lines: list[str] = []
     for word in text.split():

@@ -183,7 +183,7 @@ def test_frames_of_nothing_and_of_one_place(points: np.ndarray) -> None:
 @given(st.integers(1, 40), st.integers(0, 2**32 - 1))
 def test_no_name_covers_another_or_a_mark(n: int, seed: int) -> None:
     random = np.random.default_rng(seed)
-    frame = equal_frame(50.0, np.array([[0.0, 0.0], [700.0, 400.0]]))
+    frame = equal_frame(50.0, np.array([[0.0, 0.0], [500.0, 300.0]]))
     at = random.uniform((frame.left, frame.top), (frame.right, frame.bottom), (n, 2))
     sizes = random.uniform(8.0, 60.0, (n, 2)) * [1.0, 0.3]
     found = placed(frame, at, sizes)

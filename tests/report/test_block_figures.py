@@ -66,7 +66,7 @@ def test_the_map_has_what_is_in_the_block(block: AdjustedBlock) -> None:
     assert "8 photos" in drawing.description
     flagged = int(flagged_points(block).sum())
     assert flagged >= 1
-    assert f"{flagged} point" in drawing.description
+    assert f"{flagged} flagged" in drawing.description
 
 
 def test_names_are_text_and_shortened(block: AdjustedBlock) -> None:

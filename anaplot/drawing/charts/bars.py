@@ -13,7 +13,7 @@ from anaplot.drawing.frame import WIDTH, Frame
 from anaplot.drawing.legend import Entry, hatching
 from anaplot.drawing.pathdata import segments
 from anaplot.drawing.plot import Head, Plot
-from anaplot.drawing.textwidth import text_width
+from anaplot.drawing.textwidth import SMALL, text_width
 from anaplot.drawing.ticks import covering, ticks, written
 
 __all__ = ["MOST_BARS", "bars"]
@@ -67,7 +67,7 @@ def bars(
     if not 0 < n <= MOST_BARS:
         raise ValueError(f"{n} bars are not drawn")
     short = [shortened(name, _NAME) for name in names]
-    left = 30.0 + max(text_width(name, 10.5) for name in short)
+    left = 30.0 + max(text_width(name, SMALL) for name in short)
     numbers = [0.0, *values.tolist()]
     if bound is not None:
         numbers.append(bound)
@@ -75,7 +75,7 @@ def bars(
     frame = Frame(
         left,
         head.bottom,
-        WIDTH - left - 60.0,
+        WIDTH - left - 48.0,
         _ROW * n + 8.0,
         (round_x[0], round_x[-1]),
         (0.0, 1.0),

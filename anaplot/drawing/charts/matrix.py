@@ -12,7 +12,7 @@ from anaplot.drawing.element import Svg, element, joined, shortened, text
 from anaplot.drawing.frame import WIDTH
 from anaplot.drawing.legend import Entry, legend
 from anaplot.drawing.plot import Head, drawn
-from anaplot.drawing.textwidth import text_width
+from anaplot.drawing.textwidth import SMALL, text_width
 from anaplot.drawing.ticks import written
 
 __all__ = ["LARGEST", "correlation_matrix"]
@@ -50,7 +50,7 @@ def correlation_matrix(
     if n > LARGEST:
         raise ValueError(f"a matrix of {n} rows is not drawn")
     short = [shortened(name, _NAME) for name in names]
-    left = 24.0 + max((text_width(name, 10.5) for name in short), default=0.0)
+    left = 24.0 + max((text_width(name, SMALL) for name in short), default=0.0)
     size = min(44.0, (WIDTH - left - 20.0) / max(n, 1))
     high = min(size, 26.0)
     top = head.bottom
@@ -65,10 +65,10 @@ def correlation_matrix(
         x = left + size * i
         parts.append(element("rect", x=x, y=y, width=size, height=high, class_="f-grid gap"))
     bottom = top + high * n
-    length = max((text_width(name, 10.5) for name in short), default=0.0)
+    length = max((text_width(name, SMALL) for name in short), default=0.0)
     for j in range(n):
         x = left + size * (j + 0.5)
-        upright = size < max(text_width(name, 10.5) for name in short)
+        upright = size < max(text_width(name, SMALL) for name in short)
         if upright:
             parts.append(
                 text(x + 3.8, bottom + 6.0, names[j], "t-small t-end", most=_NAME, turned=True)

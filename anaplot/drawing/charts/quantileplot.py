@@ -65,7 +65,7 @@ def quantile_plot(
     low = min(float(column.min()) for column in columns)
     high = max(float(column.max()) for column in columns)
     plain = (float(expected.min()), float(expected.max()))
-    frame = free_frame(head.bottom, plain, (low, high), height=380.0)
+    frame = free_frame(head.bottom, plain, (low, high), height=340.0)
     plot = Plot(head, frame)
     plot.axes(x_title, y_title)
     if band is not None:

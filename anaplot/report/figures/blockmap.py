@@ -123,7 +123,7 @@ def block_map(
         (
             counted(len(problem.photos), "photo"),
             counted(len(problem.points), "point"),
-            *((counted(int(flagged.sum()), "point") + " flagged",) if flagged.any() else ()),
+            *((f"{int(flagged.sum())} flagged",) if flagged.any() else ()),
         )
     )
     corners = view.footprints[view.whole].reshape(-1, 2)
@@ -274,10 +274,9 @@ def _draw_ellipses(
 
 def length_of(metres: float) -> str:
     """Return a length on the ground as it is read."""
-    for unit, factor in (("m", 1.0), ("mm", 1e3), ("µm", 1e6)):
-        if metres * factor >= 1.0 or unit == "µm":
-            return f"{metres * factor:.3g} {unit}"
-    raise AssertionError
+    if metres >= 1.0:
+        return f"{metres:.3g} m"
+    return f"{1e3 * metres:.3g} mm" if metres >= 1e-4 else f"{1e6 * metres:.3g} µm"
 
 
 def _description(view: GroundView, flagged: Bools, counts: str, times: float, planned: bool) -> str:

@@ -82,7 +82,9 @@ def _map(
     plot.note(f"Vectors and ellipses are enlarged {written(times, 0)} times.")
     _explain(plot, found, times, ellipses=bool(np.isfinite(covariance[chosen]).all()))
     named = np.concatenate((order[moved[order]], order[~moved[order]]))[:_NAMED]
-    plot.names(at[named], [of.points[k] for k in named.tolist()], obstacles=at[chosen[:1000]])
+    few = chosen[:1000]
+    ends = np.vstack([at[few] + part * times * vectors[few] for part in (0.0, 0.4, 0.7, 1.0)])
+    plot.names(at[named], [of.points[k] for k in named.tolist()], obstacles=ends)
     names = [of.points[k] for k in order[moved[order]][:10].tolist()]
     said = f"Moved: {', '.join(names)}." if names else "No point by itself has moved."
     return plot.drawing(f"{title}: {numbers}. {said}")

@@ -18,7 +18,7 @@ from anaplot.drawing.frame import equal_frame
 from anaplot.drawing.labels import placed
 from anaplot.drawing.legend import Entry
 from anaplot.drawing.plot import Head, Plot
-from anaplot.drawing.textwidth import text_width
+from anaplot.drawing.textwidth import SMALL, TINY, text_width
 from anaplot.drawing.thinning import thinned
 from anaplot.orientation.results import ModelSolution, Row
 from anaplot.report.columns import counted
@@ -34,7 +34,7 @@ REDUNDANCY_CLASSES = Classes(
 
 _MOST_POINTS, _MOST_NAMED, _MOST_ARROWS, _MOST_VALUES = 3000, 40, 60, 14
 _NAME = 14  # characters
-_LINE = 11.5
+_LINE = 12.0
 _CLEAR = 9.0  # between an arrow and the mark at its end
 _SHORTEST = 12.0  # of an arrow
 _ALONG = 0.38  # of an arrow: where its value stands
@@ -228,7 +228,7 @@ def _values(plot: Plot, drawn: list[tuple[Transfer[Row], Array, Array]]) -> None
     for one, a, b in sorted(drawn, key=lambda each: not each[0].critical):
         along = (b - a) / np.hypot(*(b - a))
         shown = f"{one.source[1]}→{one.target[1]} {one.value:+.2f}".replace("-", "−")
-        half = text_width(shown, 9.0) / 2.0
+        half = text_width(shown, TINY) / 2.0
         # to the same side as the arrow stands aside
         away = np.array([-along[1], along[0]]) * (6.0 + abs(along[1]) * half + abs(along[0]) * 3.0)
         x, y = (a + _ALONG * (b - a) + away).tolist()
@@ -250,7 +250,7 @@ def _name_points(plot: Plot, points: list[_Point], at: Array, centres: Array) ->
     names = [plain(point.name) for point in order]
     short = [name if len(name) <= _NAME else f"{name[:_NAME]}…" for name in names]
     wide = [
-        max(text_width(name, 10.5), text_width(point.numbers, 9.0))
+        max(text_width(name, SMALL), text_width(point.numbers, TINY))
         for name, point in zip(short, order, strict=True)
     ]
     sizes = np.array([(width, 2.0 * _LINE) for width in wide])
