@@ -131,6 +131,22 @@ def test_displacements_have_vectors_ellipses_and_tests(epochs) -> None:
     assert d @ np.linalg.solve(region, d) == pytest.approx(statistic / limit)
 
 
+@pytest.mark.parametrize(
+    ("extents", "across"),
+    [
+        ((9, 5, 1), 2),
+        ((9, 0, 1), 2),
+        ((9, 1, 8), 1),
+        ((1, 9, 8), 0),
+        ((0, 0, 0), 2),
+        ((5, 5, 9), 1),
+    ],
+)
+def test_only_upright_objects_are_drawn_from_the_side(extents, across) -> None:
+    places = np.array([5e5, 5e6, 100.0]) + np.vstack((np.zeros(3), extents))
+    assert displacements._across(places) == across
+
+
 def test_a_series_draws_its_marked_pairs(epochs) -> None:
     found = compare(*epochs)
     report = epoch_report(found)

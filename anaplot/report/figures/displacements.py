@@ -21,26 +21,34 @@ from anaplot.report.columns import counted
 __all__ = ["displacement_maps"]
 
 _MOST, _NAMED = 600, 30
+_UPRIGHT = 0.35  # of the longer of X and Y: height from which an object stands upright
 _LONG, _SHORT = 60.0, 24.0  # units of the drawing: the largest vector, a median ellipse's half axis
 
 
 def displacement_maps(found: EpochTests) -> tuple[Drawing, ...]:
     """Return the displacements between two epochs along the object, and across it.
 
-    The first drawing has the two axes along which the points lie farthest apart, the second the
-    displacements along the third one. Points that the test calls moved are marked; ellipses and
+    The first drawing has X and Y, of an upright object Z and the longer of both; the second the
+    displacements along the third axis. Points that the test calls moved are marked; ellipses and
     bars hold a displacement of nothing with the probability 1 - alpha, each point by itself.
     """
     of = found.differences
     if not len(of.points):
         return ()
     moved = np.array([p.verdict is not None and bool(p.verdict.rejected) for p in found.points])
-    extent = np.ptp(of.places, axis=0)
-    across = int(np.argmin(extent))
+    across = _across(of.places)
     along = [axis for axis in range(3) if axis != across]
     one = _map(found, moved, along, along, "displacements")
     other = _map(found, moved, along, [across], "displacements-across")
     return tuple(drawing for drawing in (one, other) if drawing is not None)
+
+
+def _across(places: Array) -> int:
+    """Return the axis that a drawing has no room for: Z, of an upright object X or Y."""
+    x, y, z = np.ptp(places, axis=0).tolist()
+    if z > min(x, y) and z > _UPRIGHT * max(x, y):
+        return 0 if x < y else 1
+    return 2
 
 
 def _map(
