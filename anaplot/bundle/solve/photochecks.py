@@ -13,7 +13,14 @@ from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.problem import Problem
 from anaplot.photogrammetry.overlap import footprints, overlap_shares
 
-__all__ = ["MOST_NEIGHBOURS", "Overlap", "PhotoCheck", "photo_checks", "photo_overlaps"]
+__all__ = [
+    "MOST_NEIGHBOURS",
+    "Overlap",
+    "PhotoCheck",
+    "photo_checks",
+    "photo_formats",
+    "photo_overlaps",
+]
 
 MOST_NEIGHBOURS = 8
 """Neighbours of a photo that are told, those with the most points in common first."""
@@ -118,7 +125,7 @@ def photo_overlaps(block: AdjustedBlock) -> tuple[Overlap, ...]:
     normals = axes[first] + axes[second]
     size = np.linalg.norm(normals, axis=1)
     normals /= np.where(size > 0.0, size, np.nan)[:, None]
-    formats = _formats(problem)
+    formats = photo_formats(problem)
     places = [
         footprints(state.centres[k], state.rotations[k], problem.c[k], formats[k], middle, normals)
         for k in (first, second)
@@ -174,8 +181,8 @@ def _middles(seen: sparse.csr_array, points: Array, first: Index, second: Index)
     return out
 
 
-def _formats(problem: Problem) -> Array:
-    """Return (photos, 2) width and height [mm]."""
+def photo_formats(problem: Problem) -> Array:
+    """Return (photos, 2) width and height [mm]; without a format what a camera's points span."""
     camera = problem.cameras[problem.photo]
     formats = np.zeros((len(problem.block.cameras), 2))
     np.maximum.at(formats, camera, 2.0 * np.abs(problem.xy))

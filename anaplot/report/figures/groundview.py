@@ -9,8 +9,10 @@ import numpy as np
 
 from anaplot.aliases import Array, Bools, Index
 from anaplot.bundle.solve.adjusted import AdjustedBlock
+from anaplot.bundle.solve.photochecks import photo_formats
 from anaplot.drawing.frame import Frame, equal_frame
 from anaplot.drawing.plot import Head
+from anaplot.photogrammetry.overlap import footprints
 
 __all__ = ["GroundView", "PointView", "ground_view", "near_ones"]
 
@@ -132,28 +134,12 @@ def _footprints(block: AdjustedBlock) -> Array:
     count = np.maximum(np.bincount(problem.photo, minlength=n), 1)
     heights = state.points[problem.point, 2]
     ground = np.bincount(problem.photo, weights=heights, minlength=n) / count
-    half = _half_formats(block)
-    signs = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)], dtype=float)
-    rays = np.concatenate(
-        (signs * half[:, None], np.broadcast_to(-problem.c[:, None, None], (n, 4, 1))), axis=2
+    through = np.column_stack((state.centres[:, :2], ground))
+    level = np.broadcast_to([0.0, 0.0, 1.0], (n, 3))
+    corners = footprints(
+        state.centres, state.rotations, problem.c, photo_formats(problem), through, level
     )
-    rays = np.einsum("nij,nkj->nki", state.rotations, rays)
-    height = ground - state.centres[:, 2]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        along = height[:, None] / rays[:, :, 2]
-    out = state.centres[:, None, :2] + along[:, :, None] * rays[:, :, :2] + state.origin[:2]
-    reach = np.linalg.norm(out - (state.centres[:, None, :2] + state.origin[:2]), axis=2)
-    good = ((along > 0.0) & (reach < _WIDEST * np.abs(height)[:, None])).all(axis=1)
-    return np.where(good[:, None, None], out, np.nan)
-
-
-def _half_formats(block: AdjustedBlock) -> Array:
-    """Return (n, 2) half widths and heights [mm]; without a format what was measured in a photo."""
-    problem = block.problem
-    seen = np.zeros((len(problem.photos), 2))
-    np.maximum.at(seen, problem.photo, np.abs(problem.xy))
-    formats = np.array(
-        [camera.format or (np.nan, np.nan) for camera in problem.block.cameras], dtype=float
-    )
-    stated = formats[problem.cameras] / 2.0
-    return np.where(np.isfinite(stated), stated, seen)
+    reach = np.linalg.norm((corners - state.centres[:, None])[:, :, :2], axis=2)
+    height = np.abs(ground - state.centres[:, 2])
+    good = (reach < _WIDEST * height[:, None]).all(axis=1)
+    return np.where(good[:, None, None], corners[:, :, :2] + state.origin[:2], np.nan)
