@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from anaplot.aliases import RowKey
+from anaplot.aliases import Progress, RowKey
 from anaplot.errors import NotComputableError
 from anaplot.orientation.model import orient
 from anaplot.orientation.pair import LeftPhoto, Stereopair
@@ -159,9 +159,18 @@ def bridge_strip(
     return BridgedStrip(strip.id, tuple(models))
 
 
-def bridge(block: Block) -> tuple[BridgedStrip, ...]:
-    """Bridge every strip of a block."""
-    return tuple(bridge_strip(block, strip) for strip in block.strips)
+def bridge(block: Block, progress: Progress | None = None) -> tuple[BridgedStrip, ...]:
+    """Bridge every strip of a block; `progress` is told how many of its models are formed."""
+    count, formed = sum(len(strip.models()) for strip in block.strips), 0
+
+    def form(pair: Stereopair) -> ModelSolution:
+        nonlocal formed
+        if progress is not None:
+            progress("models", formed / count)
+        formed += 1
+        return orient(pair, block.precision, block.test)
+
+    return tuple(bridge_strip(block, strip, form=form) for strip in block.strips)
 
 
 def pooled_sigma_um(models: tuple[ModelSolution, ...]) -> float | None:

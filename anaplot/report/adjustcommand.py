@@ -316,7 +316,7 @@ def adjust(
     if prior is not None:
         estimated = prior_estimate(adjusted, prior, progress=watch)
         adjusted = estimated.block
-    watch("report", 0.0)
+    watch("results", 0.0)
     snooped = None
     if snooping:
         tolerance = snooping_tolerance / 100.0

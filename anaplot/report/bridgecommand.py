@@ -172,8 +172,10 @@ def bridge(
         tuple(strip for strip, _ in parts),
         tuple(strip for strip in strips if isinstance(strip, CleanedStrip)) if errors else None,
     )
+    watch("checks of the block", 0.0)
     accidents = block_accidents(given)
     cures = photo_cures(given, accidents.photos)
+    watch("results", 0.0)
     document = bridge_document(given, strips, matrix=matrix, correlations=correlations)
     document = with_accidents(document, accidents, cures)
     document = planting.with_planting(document, planted)
@@ -291,7 +293,7 @@ def bridge_block(
         Sees the search, and may end it.
     """
     if errors is None:
-        return bridge_strips(block)
+        return bridge_strips(block, watch)
     settings = search_settings(block.test, partner, pairs=pairs)
     return [
         strip_gross_errors(block, strip, errors, settings, as_given=as_given, watch=watch)

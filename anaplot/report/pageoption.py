@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 from anaplot.report.computed import Computed
 from anaplot.report.document import BLANK, Document
 from anaplot.report.keywords import Declare, chosen_options, declared_options
+from anaplot.report.progress import working
 
 if TYPE_CHECKING:
     from anaplot.report.html.parts import Report
@@ -117,10 +118,11 @@ class AskedPage:
         from anaplot.report.html.write import write_report
         from anaplot.report.html.written import written_answer, written_lines
 
-        unchanged(self.files, checked_files(self.reads))
-        made = provenance(self.command, self.options, self.files)
-        report = replace(self.report(found), provenance=provenance_section(made))
-        written = write_report(with_definitions(report), self.path)
+        with working("the page"):
+            unchanged(self.files, checked_files(self.reads))
+            made = provenance(self.command, self.options, self.files)
+            report = replace(self.report(found), provenance=provenance_section(made))
+            written = write_report(with_definitions(report), self.path)
         told = {**written_answer(written), "provenance": provenance_answer(made)}
         return replace(
             document,

@@ -34,6 +34,7 @@ from anaplot.report.html.written import written_answer, written_lines
 from anaplot.report.keywords import chosen_options
 from anaplot.report.lengthunits import in_px, without_pixel_size
 from anaplot.report.output import Output
+from anaplot.report.progress import working
 from anaplot.report.reportarguments import add_report_arguments
 from anaplot.report.running import computed
 
@@ -61,12 +62,13 @@ def run_report(options: argparse.Namespace) -> int:
     computing = [*block_paths(options.block), *options.fiducials, *_named_files(options)]
     files = checked_files(computing)
     found = computed(options, adjust)
-    plates = block_plates(options.block, options.fiducials)
-    unchanged(files, checked_files(computing))
-    made = provenance(_command(options), chosen_options(add_report_arguments, options), files)
-    material = Material(found, options.block, plates)
-    report = _report(material, made, options.angles)
-    written = write_report(report, options.output, options.figures, most_rows=options.rows)
+    with working("the page"):
+        plates = block_plates(options.block, options.fiducials)
+        unchanged(files, checked_files(computing))
+        made = provenance(_command(options), chosen_options(add_report_arguments, options), files)
+        material = Material(found, options.block, plates)
+        report = _report(material, made, options.angles)
+        written = write_report(report, options.output, options.figures, most_rows=options.rows)
     document = found.document
     answer = {
         **document.answer,

@@ -111,6 +111,7 @@ def computed(options: argparse.Namespace, compute: Callable[..., Computed[T]]) -
         Takes those that are its keywords, and `progress` if that is one.
     """
     with ProgressLine(sys.stderr) as line:
+        line("reading", 0.0)
         watch = EndingEarly(line, sys.stderr)
         return compute(**keywords_of(compute, {**vars(options), "progress": watch}))
 

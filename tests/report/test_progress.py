@@ -159,6 +159,11 @@ def test_a_terminal_that_goes_is_no_error(
     ("command", "told"),
     [
         ("replay myblock", "replay 100 %"),
+        ("bridge myblock", "models"),
+        ("bridge myblock", "checks of the block"),
+        ("adjust myblock --datum free", "results"),
+        ("report myblock --datum free -o page.html", "the page"),
+        ("bridge myblock --report models.html", "the page"),
         ("log myblock", "reading the journal"),
         ("pointing myblock", "models"),
         ("status myblock", "models and block"),
