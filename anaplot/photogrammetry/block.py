@@ -375,20 +375,17 @@ class Block:
     in_pixels: bool = False
     offsets: PriorOffsets | None = None
     ground: GroundSystem | None = None
-    _camera_ids: dict[str, str] = field(init=False, repr=False, compare=False)
+    _camera_of: dict[str, Camera] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        # asked for with every measurement; the first of photos of one name
-        ids = {photo.id: photo.camera for photo in reversed(self.photos)}
-        object.__setattr__(self, "_camera_ids", ids)
+        # asked for with every measurement; the first of photos, and of cameras, of one name
+        known = {camera.id: camera for camera in reversed(self.cameras)}
+        of_photo = {p.id: known[p.camera] for p in reversed(self.photos) if p.camera in known}
+        object.__setattr__(self, "_camera_of", of_photo)
 
     def camera_of(self, photo: str) -> Camera:
         """Return the camera of a photo; raises KeyError for a photo that is not declared."""
-        wanted = self._camera_ids[photo]
-        for camera in self.cameras:
-            if camera.id == wanted:
-                return camera
-        raise KeyError(photo)
+        return self._camera_of[photo]
 
     def sigma_of(self, control: ControlPoint) -> tuple[float, float, float]:
         """Return a control point's standard deviations [m], the default where it states none."""
