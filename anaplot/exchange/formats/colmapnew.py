@@ -54,9 +54,11 @@ def write_new(exporting: Exporting, target: Path) -> Exported:
     notes: list[Note] = []
     photos = {row.photo: row for row in adjusted.photos}
     images = _numbers([p.id for p in block.photos if p.id in photos], _MAX_ID)
-    cameras = [camera for camera in block.cameras if _used(block, camera, photos)]
+    used = {photo.camera for photo in block.photos if photo.id in photos}
+    cameras = [camera for camera in block.cameras if camera.id in used]
     ids = _numbers([camera.id for camera in cameras], _MAX_ID)
-    made = {camera.id: _in_pixels(camera, block, notes) for camera in cameras}
+    reach = _reach(block)
+    made = {camera.id: _in_pixels(camera, reach, notes) for camera in cameras}
     rays, told = _rays(block, made, images, photos, {p.point: p for p in adjusted.points})
     notes += told
     points = _numbers([p.point for p in adjusted.points if p.point in rays], 2**63 - 1)
@@ -92,16 +94,19 @@ def _numbers(names: list[str], most: int) -> dict[str, int]:
     return {name: own[name] for name in names}
 
 
-def _used(block: Block, camera: Camera, photos: Mapping[str, PhotoResult]) -> bool:
-    return any(photo.camera == camera.id and photo.id in photos for photo in block.photos)
+def _reach(block: Block) -> dict[str, float]:
+    """Return the largest abs(x) or abs(y) [mm] of every camera that has rays."""
+    out: dict[str, float] = {}
+    for row in block.image_points:
+        name = block.camera_of(row.photo).id
+        out[name] = max(out.get(name, 0.0), abs(row.x), abs(row.y))
+    return out
 
 
-def _in_pixels(camera: Camera, block: Block, notes: list[Note]) -> Camera:
+def _in_pixels(camera: Camera, reach: Mapping[str, float], notes: list[Note]) -> Camera:
     """Return a camera that has pixels, and a lens that COLMAP has."""
     if camera.pixels is None:
-        of = {photo.id for photo in block.photos if photo.camera == camera.id}
-        rays = [abs(v) for row in block.image_points if row.photo in of for v in (row.x, row.y)]
-        width, height = camera.format or (2.0 * max(rays, default=camera.c),) * 2
+        width, height = camera.format or (2.0 * reach.get(camera.id, camera.c),) * 2
         size = [max(math.ceil(side * 1000.0 / _PIXEL_UM), 1) for side in (width, height)]
         camera = in_pixels(camera, (size[0], size[1]), _PIXEL_UM)
         notes.append(Note("assumed", None, f"{_PIXEL_UM:g} um as the pixels of camera {camera.id}"))

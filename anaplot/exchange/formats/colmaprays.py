@@ -65,8 +65,10 @@ def rays_of(model: ColmapModel, pixel_um: float | None, sigma_um: float) -> Mode
     places: dict[int, Array] = {}
     sigmas: dict[int, list[float | None]] = {}
     notes = []
-    for number in sorted({image.camera for image in used}):
-        mine = [image for image in used if image.camera == number]
+    by_camera: dict[int, list[ColmapImage]] = {}
+    for image in used:
+        by_camera.setdefault(image.camera, []).append(image)
+    for number, mine in sorted(by_camera.items()):
         cameras[number], measured, larger, told = _camera(model.cameras[number], mine, pixel_um)
         notes += told
         ends = np.cumsum([len(image.xy) for image in mine])[:-1]
