@@ -27,6 +27,7 @@ _COUNT = struct.Struct("<Q")
 _CAMERA = struct.Struct("<IiQQ")
 _IMAGE = struct.Struct("<I7dI")
 _POINT = struct.Struct("<Q3d3BdQ")
+_PAIR = struct.Struct("<2I")  # an _ELEMENT
 _NONE = 2**64 - 1
 _MOST = 2**63 - 1
 _MAX_NAME = 4096  # bytes
@@ -96,13 +97,13 @@ def binary_model(folder: Path) -> ColmapModel:
         cameras = _cameras(cursor)
     with _opened(paths[1]) as cursor:
         images = tuple(_made(*found, cursor.fail) for found in _images(cursor))
-    points, lengths, elements = [], [], []
+    points, lengths, tracks = [], [], bytearray()
     with _opened(paths[2]) as cursor:
         for number, _, track in _points(cursor):
             points.append(number)
-            lengths.append(len(track))
-            elements.append(track)
-    joined = np.concatenate(elements) if elements else np.empty(0, dtype=_ELEMENT)
+            lengths.append(len(track) // _ELEMENT.itemsize)
+            tracks += track
+    joined = np.frombuffer(tracks, dtype=_ELEMENT)
     numbers = np.array(points, dtype=np.intp)
     return ColmapModel(
         folder,
@@ -165,7 +166,11 @@ def _made(head: bytes, raw_name: bytes, features: np.ndarray, fail: Complain) ->
     )
 
 
-def _points(cursor: _Cursor) -> Iterator[tuple[int, bytes, np.ndarray]]:
+def _points(cursor: _Cursor) -> Iterator[tuple[int, bytes, bytes]]:
+    """Yield number, head and track of every point; arrays by the million cost more than they hold.
+
+    A track's elements are as `_ELEMENT` says.
+    """
     total = cursor.count(_POINT.size, "points")
     for k in range(total):
         what = f"point {k + 1} of {total}"
@@ -174,8 +179,7 @@ def _points(cursor: _Cursor) -> Iterator[tuple[int, bytes, np.ndarray]]:
         if number > _MOST:
             raise cursor.fail(f"{what}: its number is beyond {_MOST}")
         cursor.check(length, _ELEMENT.itemsize, f"images of {what}")
-        data = cursor.take(length * _ELEMENT.itemsize, what)
-        yield number, head, np.frombuffer(data, dtype=_ELEMENT)
+        yield number, head, cursor.take(length * _ELEMENT.itemsize, what)
     cursor.end()
 
 
@@ -223,9 +227,10 @@ def cleaned_points(
                 continue
             if number in taken:
                 out = taken[number]
-                track = track[[pair not in out for pair in track.tolist()]]
-                head = head[:-8] + _COUNT.pack(len(track))
-            yield head + track.tobytes()
+                left = [pair for pair in _PAIR.iter_unpack(track) if pair not in out]
+                track = b"".join(_PAIR.pack(*pair) for pair in left)
+                head = head[:-8] + _COUNT.pack(len(left))
+            yield head + track
 
 
 def _total(path: Path) -> int:
