@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
@@ -27,15 +28,16 @@ def text_model(folder: Path) -> ColmapModel:
     cameras = _cameras(paths[0])
     images = tuple(_image(head, features) for head, features in _pairs(paths[1]))
     points: list[int] = []
-    tracks: list[Index] = []
+    lengths: list[int] = []
+    tracks = array("q")  # arrays by the million cost more than they hold
     for line in _meant(paths[2]):
         number, track = _point(line)
         points.append(number)
-        tracks.append(track)
+        lengths.append(len(track) // 2)
+        tracks.extend(track)
     numbers = np.array(points, dtype=np.intp)
-    lengths = np.array([len(track) for track in tracks], dtype=np.intp)
-    joined = np.concatenate(tracks) if tracks else np.empty((0, 2), dtype=np.intp)
-    of_point = np.repeat(numbers, lengths)
+    joined = np.frombuffer(tracks, dtype=np.int64).astype(np.intp).reshape(-1, 2)
+    of_point = np.repeat(numbers, np.array(lengths, dtype=np.intp))
     return ColmapModel(
         folder, ".txt", cameras, images, numbers, of_point, joined[:, 0], joined[:, 1]
     )
@@ -112,7 +114,8 @@ def _features(line: SourceLine) -> tuple[Array, Index]:
     if len(parts) % 3:
         raise line.fail("features are X Y POINT3D_ID, again and again")
     x, y = _column(line, parts[0::3]), _column(line, parts[1::3])
-    return np.stack((x, y), axis=1), _wholes(line, parts[2::3], "a point's number", NO_POINT)
+    points = _wholes(line, parts[2::3], "a point's number", NO_POINT)
+    return np.stack((x, y), axis=1), np.array(points, dtype=np.intp)
 
 
 def _column(line: SourceLine, texts: list[str]) -> Array:
@@ -127,21 +130,20 @@ def _column(line: SourceLine, texts: list[str]) -> Array:
     return out
 
 
-def _wholes(line: SourceLine, texts: list[str], what: str, low: int) -> Index:
-    out = [
+def _wholes(line: SourceLine, texts: list[str], what: str, low: int) -> list[int]:
+    return [
         NO_POINT if low < 0 and text == _NONE else line.whole_of(text, what, low, 2**63 - 1)
         for text in texts
     ]
-    return np.array(out, dtype=np.intp)
 
 
-def _point(line: SourceLine) -> tuple[int, Index]:
+def _point(line: SourceLine) -> tuple[int, list[int]]:
+    """Return a point's number, and image, feature, image, feature, ... of its track."""
     parts = line.text.split()
     if len(parts) < _POINT or len(parts) % 2:
         raise line.fail("a point is POINT3D_ID X Y Z R G B ERROR, then IMAGE_ID POINT2D_IDX")
     number = line.whole_of(parts[0], "the point's number", 0, 2**63 - 1)
-    track = _wholes(line, parts[_POINT:], "a number of the track", 0)
-    return number, track.reshape(-1, 2)
+    return number, _wholes(line, parts[_POINT:], "a number of the track", 0)
 
 
 def cleaned_image_lines(path: Path, taken: Mapping[int, Index]) -> Iterator[bytes]:
