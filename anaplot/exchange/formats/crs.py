@@ -11,7 +11,7 @@ import re
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib import import_module
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -164,13 +164,9 @@ class CoordinateSystem:
         """
         if self.text == DEGREES or self.kind == "geocentric":
             return degrees
-        pyproj = _pyproj()
-        own = self._base if self._base is not None else self._horizontal
-        world = pyproj.CRS.from_epsg(4326)
-        if own.equals(world):
+        turn = _turn(self.text, "world" if to_wgs84 else "datum")
+        if turn is None:
             return degrees
-        pair = (own, world) if to_wgs84 else (world, own)
-        turn = pyproj.Transformer.from_crs(*pair, always_xy=True)
         unit = np.degrees(self._unit)  # of the system's own degrees
         into, out_of = (1.0 / unit, 1.0) if to_wgs84 else (1.0, unit)
         x, y = turn.transform(degrees[:, 0] * into, degrees[:, 1] * into)
@@ -204,8 +200,7 @@ class CoordinateSystem:
             raise InputError(f"{self.name}: not east and north; the frame must be local")
 
     def _transformed(self, places: Array, *, forward: bool) -> tuple[Array, Array]:
-        ends = (self._horizontal, self._base) if forward else (self._base, self._horizontal)
-        turn = _pyproj().Transformer.from_crs(*ends, always_xy=True)
+        turn = _turn(self.text, "degrees" if forward else "map")
         x, y = turn.transform(places[:, 0], places[:, 1])
         return np.asarray(x, dtype=float), np.asarray(y, dtype=float)
 
@@ -330,6 +325,24 @@ def _system(text: str) -> CoordinateSystem:
         )
     except pyproj.exceptions.ProjError as error:
         raise InputError(f"no coordinate system {quoted(text)}: {reason(error)}") from None
+
+
+@lru_cache(maxsize=32)
+def _turn(text: str, to: Literal["degrees", "map", "world", "datum"]) -> Any:
+    """Return pyproj's way from a map to its degrees or back, or from a datum to WGS84 or back.
+
+    None where the datum is WGS84. It costs more to make than to walk, by the thousand.
+    """
+    pyproj, system = _pyproj(), _system(text)
+    own = system._horizontal if system._base is None else system._base
+    ends = (system._horizontal, own)
+    if to in ("world", "datum"):
+        ends = (own, pyproj.CRS.from_epsg(4326))
+        if own.equals(ends[1]):
+            return None
+    if to in ("map", "datum"):
+        ends = (ends[1], ends[0])
+    return pyproj.Transformer.from_crs(*ends, always_xy=True)
 
 
 def _pyproj() -> Any:

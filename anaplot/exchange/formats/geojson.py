@@ -73,7 +73,7 @@ def write(exporting: Exporting, target: Path) -> Exported:
     )
     notes = []
     if larger is not None:
-        features += [_drawn(one, larger, frame) for one in found.points]
+        features += _drawn(found.points, larger, frame)
         text = f"ellipses are drawn {larger:g} times as large as they are"
         notes.append(Note("changed", None, text))
     if frame is None:
@@ -168,8 +168,30 @@ def _verdict(flagged: int, redundancy: float | None) -> str:
     return "weak" if redundancy < 0.1 else "good"
 
 
-def _drawn(one: PointResult, larger: float, frame: GroundFrame | None) -> dict[str, Any]:
-    """Return the ellipse as a polygon: counterclockwise, its first corner again at the end."""
+def _drawn(
+    points: Sequence[PointResult], larger: float, frame: GroundFrame | None
+) -> list[dict[str, Any]]:
+    """Return ellipses as polygons: counterclockwise, the first corner again at the end."""
+    if not points:
+        return []
+    corners = np.concatenate([_corners(one, larger) for one in points])
+    every = _coordinates(corners, frame)
+    middles = _coordinates(np.array([one.xyz for one in points]), frame)
+    out = []
+    for k, (one, middle) in enumerate(zip(points, middles, strict=True)):
+        ring = every[_CORNERS * k : _CORNERS * (k + 1)]
+        parts = [ring] if frame is None else _either_side(ring, middle[0])
+        polygons = [[[*part, part[0]]] for part in parts]
+        geometry: dict[str, Any] = {"type": "Polygon", "coordinates": polygons[0]}
+        if len(polygons) > 1:
+            geometry = {"type": "MultiPolygon", "coordinates": polygons}
+        properties = {"kind": "ellipse", "name": one.point, "drawn_larger": larger}
+        out.append(_feature(geometry, properties))
+    return out
+
+
+def _corners(one: PointResult, larger: float) -> Array:
+    """Return (_CORNERS, 3) corners of an ellipse, counterclockwise."""
     ellipse = standard_ellipse(one.covariance)
     turn = math.radians(90.0 - ellipse.azimuth)
     along = np.array([math.cos(turn), math.sin(turn)])
@@ -178,16 +200,8 @@ def _drawn(one: PointResult, larger: float, frame: GroundFrame | None) -> dict[s
     flat = larger * (
         ellipse.a * np.cos(t)[:, None] * along + ellipse.b * np.sin(t)[:, None] * across
     )
-    corners = np.array(one.xyz) + np.column_stack((flat, np.zeros(_CORNERS)))
-    ring = _coordinates(corners, frame)
-    parts = [ring]
-    if frame is not None:
-        parts = _either_side(ring, _coordinates(np.array([one.xyz]), frame)[0][0])
-    polygons = [[[*part, part[0]]] for part in parts]
-    geometry: dict[str, Any] = {"type": "Polygon", "coordinates": polygons[0]}
-    if len(polygons) > 1:
-        geometry = {"type": "MultiPolygon", "coordinates": polygons}
-    return _feature(geometry, {"kind": "ellipse", "name": one.point, "drawn_larger": larger})
+    out: Array = np.array(one.xyz) + np.column_stack((flat, np.zeros(_CORNERS)))
+    return out
 
 
 def _either_side(ring: list[list[float]], middle: float) -> list[list[list[float]]]:
