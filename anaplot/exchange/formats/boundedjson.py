@@ -67,6 +67,10 @@ class JsonPlace(NamedTuple):
         table = self._table()
         return [(key, self._inside(key, value)) for key, value in table.items()]
 
+    def names(self) -> frozenset[str]:
+        """Return the keys of a table; raises InputError for anything else."""
+        return frozenset(self._table())
+
     def elements(self) -> list[JsonPlace]:
         """Return the elements of a list; raises InputError for anything else."""
         if not isinstance(self.value, list):

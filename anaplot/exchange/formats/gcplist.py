@@ -38,7 +38,6 @@ _MAX_BYTES = 50_000_000
 _EXAMPLES = 4
 _HIGHEST = 1e5  # m, of control on the ground
 _FAR = 50_000.0  # m, from the images' origin
-_EXAMPLES = 4
 _CLEAR = 3.0  # times nearer that the other order must bring the points to the images
 
 

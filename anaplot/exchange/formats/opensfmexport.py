@@ -163,7 +163,7 @@ def _without_points(path: Path, block: Block, gone: set[str]) -> bytes:
     found = read_json(path)
     photos = {photo.id for photo in block.photos}
     for one in found.elements():
-        if photos <= {name for name, _ in one.get("shots").items()}:
+        if photos <= one.get("shots").names():
             points = one.get("points").value
             for name in gone & points.keys():
                 del points[name]

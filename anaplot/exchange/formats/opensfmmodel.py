@@ -127,10 +127,9 @@ def _reference(found: JsonPlace) -> tuple[float, float, float] | None:
 def _reconstruction(found: JsonPlace) -> Reconstruction:
     cameras = dict(found.get("cameras").items())
     shots = tuple(_shot(name, one, cameras) for name, one in found.get("shots").items())
-    points = found.get("points").items()
     # old files have the origin in reference_lla.json only
     reference = _reference(found.get("reference_lla")) if "reference_lla" in found else None
-    return Reconstruction(cameras, shots, frozenset(name for name, _ in points), reference)
+    return Reconstruction(cameras, shots, found.get("points").names(), reference)
 
 
 def _shot(name: str, found: JsonPlace, cameras: Mapping[str, JsonPlace]) -> Shot:
