@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
@@ -227,6 +228,7 @@ def _cameras(
     """Return the cameras that are used, the one of every photo, and what is left out."""
     used = dict.fromkeys(shot.camera for shot in found.shots)
     made: dict[str, Camera] = {}
+    taken: set[str] = set()
     unheld: dict[str, str] = {}
     for number, camera in enumerate(used, start=1):
         stated = found.cameras[camera]
@@ -234,10 +236,11 @@ def _cameras(
         if model is not None:
             unheld[camera] = model
             continue
-        short = camera.strip()
-        taken = {one.id for one in made.values()}
-        fits = name_fault(short) is None and short not in taken
-        made[camera] = camera_of(short if fits else f"camera {number}", stated, pixel_um)
+        others = (f"camera {k}" for k in range(number, number + len(used) + 1))
+        names = chain((camera.strip(),), others)
+        name = next(one for one in names if name_fault(one) is None and one not in taken)
+        taken.add(name)
+        made[camera] = camera_of(name, stated, pixel_um)
     notes = []
     for model in dict.fromkeys(unheld.values()):
         gone = tuple(shot.name for shot in found.shots if unheld.get(shot.camera) == model)
@@ -291,10 +294,12 @@ def _names_beside(listed: GcpList, tracks: frozenset[str]) -> tuple[dict[str, st
     """Return names of control that no track has, by those of the list."""
     names = {}
     points = listed.points()
+    taken = set(tracks)
     for name in points:
         free = name
-        while free in tracks or (free != name and free in points):
+        while free in taken or (free != name and free in points):
             free = f"gcp-{free}"
+        taken.add(free)
         names[name] = free
     changed = tuple(name for name, new in names.items() if name != new)
     notes = []

@@ -130,6 +130,36 @@ def test_names_of_control_do_not_meet_tracks(tmp_path: Path) -> None:
     assert len(found.block.image_points) == len(flight.rays) + len(flight.control_rays)
 
 
+def test_names_that_are_made_are_made_once(tmp_path: Path) -> None:
+    flight = Flight()
+    flight.write(tmp_path)
+    file = tmp_path / "reconstruction.json"
+    (model,) = json.loads(file.read_text())
+    # cameras: the second has no name, and what it would be called is taken
+    (own,) = model["cameras"].values()
+    model["cameras"] = {"camera 2": own, "": {**own, "width": own["width"] + 2}}
+    for k, shot in enumerate(model["shots"].values()):
+        shot["camera"] = "" if k % 2 else "camera 2"
+    # tracks: two have names of control, and one of them that of the other behind gcp-
+    for old, new in (("0", "a"), ("1", "gcp-a")):
+        model["points"][new] = model["points"].pop(old)
+    file.write_text(json.dumps([model]))
+    rows = [line.split("\t") for line in flight.tracks(2).splitlines()]
+    for row in rows[1:]:
+        row[1] = {"0": "a", "1": "gcp-a"}.get(row[1], row[1])
+    (tmp_path / "tracks.csv").write_text("\n".join(map("\t".join, rows)) + "\n")
+    degrees = GroundFrame.of(local_system("WGS84", (LON, LAT, HEIGHT))).out_of_block(flight.control)
+    text = flight.gcp_list("WGS84", degrees).replace(" P0 ", " a ").replace(" P1 ", " gcp-a ")
+    (tmp_path / "gcp_list.txt").write_text(text)
+    block = _read(tmp_path).block
+    assert [camera.id for camera in block.cameras] == ["camera 2", "camera 3"]
+    widths = {name: block.camera_of(name).pixels for name in model["shots"]}
+    assert len(set(widths.values())) == 2
+    names = [row.point for row in block.control]
+    assert len(set(names)) == len(names) == 6
+    assert {"gcp-gcp-a", "gcp-gcp-gcp-a"} < set(names)
+
+
 def test_names_of_images_in_other_letters_are_told(tmp_path: Path) -> None:
     pytest.importorskip("pyproj")
     flight = Flight()
