@@ -6,7 +6,7 @@
   its exit code.
 - A `bash` block holds commands alone, which end with 0. One with ` &` at its end goes on until the
   page does; the next waits for its first line.
-- A `python` block is run.
+- A `python` block is run; the blocks of a page share their names.
 - `<!-- file: NAME -->` on the line before a block writes it into the page's folder.
 - `<!-- not run: REASON -->` there leaves a block out.
 - `<!-- first:` on a line, commands, and `-->`: these are run there and not shown.
@@ -220,6 +220,7 @@ def run_page(text: str, name: str, folder: Path, *, left: Collection[str] = ()) 
 
     What its Python raises is raised.
     """
+    names: dict[str, Any] = {"__name__": name}
     with contextlib.chdir(folder), contextlib.ExitStack() as going_on:
         for fence in fences(text):
             if fence.file is not None:
@@ -239,7 +240,7 @@ def run_page(text: str, name: str, folder: Path, *, left: Collection[str] = ()) 
             elif fence.language == "python":
                 code = "\n" * (fence.line - 1) + "\n".join(fence.lines)
                 with contextlib.redirect_stdout(io.StringIO()):
-                    exec(compile(code, name, "exec"), {"__name__": name})
+                    exec(compile(code, name, "exec"), names)
 
 
 def _now(page: Path) -> str:
