@@ -56,8 +56,8 @@ __all__ = [
     "ALARM",
     "DATUM",
     "adjust_document",
+    "datum_words",
     "ground_lines",
-    "is_scaled",
     "others_flagged",
     "sigma0_limit",
 ]
@@ -218,7 +218,7 @@ def _figures(block: AdjustedBlock) -> Answer:
             "defect": problem.defect,
             **(
                 {"scale": "distances", "scale_s": scale_deviation(block)}
-                if is_scaled(problem)
+                if _scaled(problem)
                 else {}
             ),
         },
@@ -226,7 +226,12 @@ def _figures(block: AdjustedBlock) -> Answer:
     }
 
 
-def is_scaled(problem: Problem) -> bool:
+def datum_words(problem: Problem) -> str:
+    """Say from what the datum is."""
+    return DATUM[problem.datum] + (", the scale by distances" if _scaled(problem) else "")
+
+
+def _scaled(problem: Problem) -> bool:
     """Whether distances give the scale."""
     return problem.conditions is not None and problem.conditions.gives_scale
 
@@ -281,7 +286,7 @@ def _summary(
             len(problem.photos),
             len(problem.points),
             len(problem.photo),
-            DATUM[problem.datum] + (", the scale by distances" if is_scaled(problem) else ""),
+            datum_words(problem),
         ),
         *_scale_line(block),
         *ground_lines(problem.block.ground),

@@ -16,6 +16,7 @@ from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.unknownnames import UnknownName, unknowns_meant, unknowns_of
 from anaplot.errors import InputError
 from anaplot.photogrammetry.posterior import MOST_COORDINATES, CoordinateName
+from anaplot.report.adjustdocument import DATUM
 from anaplot.report.columns import counted
 from anaplot.report.covariancefile import write_covariance
 from anaplot.report.document import (
@@ -58,7 +59,6 @@ _PRINTED = 24  # unknowns whose matrix a person reads
 _COLUMNS = 6  # of it on one page
 _NUMBER, _COVARIANCE, _CORRELATION = " {:>11}", " {:>11.3e}", " {:>+11.4f||          -}"
 _DEGREES = 180.0 / pi
-_DATUM = {"minimal": "minimal constraints", "free": "inner constraints over the points"}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -307,7 +307,7 @@ def covariance_document(asked: AskedCovariance) -> Document:
         page.append(say("  with the a-priori sigma0, factor 1 (test {})", test))
     if found.datum != "control":
         page.append(
-            say("  in the datum of {}: another datum has another covariance", _DATUM[found.datum])
+            say("  in the datum of {}: another datum has another covariance", DATUM[found.datum])
         )
     if gone:
         owners = dict.fromkeys(f"{one.kind} {one.owner}" for one in gone)

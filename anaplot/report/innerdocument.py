@@ -28,6 +28,7 @@ from anaplot.report.document import (
     stacked,
     table,
 )
+from anaplot.report.testedlines import sigma0_line, test_line
 
 __all__ = [
     "InnerGroup",
@@ -191,10 +192,7 @@ def _verdict(row: Observation[Fiducial], suspect: Fiducial | None) -> str:
 
 
 def _summary(photo: str, inner: InnerOrientation, unit: PlateUnit) -> list[Line]:
-    place, test = inner.placement, inner.test
-    tested = say(
-        "  test      {0.kind}, alpha {0.alpha:g}, critical value {0.critical:.2f||none}", test
-    )
+    place, tested = inner.placement, test_line(inner)
     if inner.overall is not None:
         tested += say(", sigma0 at most {:.2f} um", inner.overall)
     if inner.tested.power is not None:
@@ -226,11 +224,7 @@ def _summary(photo: str, inner: InnerOrientation, unit: PlateUnit) -> list[Line]
     return [
         say("PHOTO {}  camera {}", photo, inner.camera).of("heading"),
         say("  found     {}", TITLES[inner.kind]),
-        say(
-            "  sigma0    {0.sigma0_um:.2f|um|none}, a priori {0.apriori_um:g} um, "
-            "redundancy {0.redundancy}",
-            inner,
-        ),
+        sigma0_line(inner),
         tested,
         say("  origin    x {0.x:.4f}  y {0.y:.4f} {1} on the plate", place, unit.name),
         turned,

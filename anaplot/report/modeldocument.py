@@ -30,6 +30,7 @@ from anaplot.report.document import (
 )
 from anaplot.report.matrix import MATRIX, matrix_document
 from anaplot.report.modelcorrelations import ELEMENT_COLUMNS, correlations_page
+from anaplot.report.testedlines import sigma0_line, test_line
 
 __all__ = ["OF_MODEL", "model_document", "model_rows", "model_tables", "stacked_rows"]
 
@@ -92,16 +93,9 @@ def model_document(
             for p, deviations in zip(model.points, accuracy.points.tolist(), strict=True)
         ),
     )
-    sigma0 = say(
-        "  sigma0    {0.sigma0_um:.2f|um|none}, a priori {0.apriori_um:g} um, "
-        "redundancy {0.redundancy}",
-        model,
-    )
+    sigma0, tested = sigma0_line(model), test_line(model)
     if pooled_um is not None:
         sigma0 += say(", pooled {:.2f} um", pooled_um)
-    tested = say(
-        "  test      {0.kind}, alpha {0.alpha:g}, critical value {0.critical:.2f||none}", model.test
-    )
     if model.ties:
         tested += say("; tie variance {}", model.tie_variance)
     under_base, under_rotation, below = _deviations(accuracy)

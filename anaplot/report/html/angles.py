@@ -7,7 +7,7 @@ from math import isclose, pi
 from typing import Literal, TypeAlias
 
 from anaplot.report.document import Column, Table
-from anaplot.report.html.parts import Captioned, HtmlBlock, Report, Section
+from anaplot.report.html.parts import Captioned, HtmlBlock, Report, with_blocks
 
 __all__ = ["AngleUnit", "shown_unit", "with_angles_in"]
 
@@ -29,16 +29,10 @@ def with_angles_in(report: Report, unit: AngleUnit) -> Report:
     """Return a report whose tables have their angles in a unit."""
     if unit == "deg":
         return report
-    return replace(report, sections=tuple(_section(section) for section in report.sections))
-
-
-def _section(section: Section) -> Section:
-    return replace(section, blocks=tuple(map(_block, section.blocks)))
+    return replace(report, sections=with_blocks(report.sections, _block))
 
 
 def _block(block: HtmlBlock) -> HtmlBlock:
-    if isinstance(block, Section):
-        return _section(block)
     if isinstance(block, Captioned):
         return replace(block, table=_table(block.table))
     return _table(block) if isinstance(block, Table) else block

@@ -6,8 +6,8 @@ that what is read there is what `--json` writes, and drawings beside them.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
 from typing import NamedTuple, TypeAlias
 
 from anaplot.drawing.drawing import Drawing
@@ -24,6 +24,7 @@ __all__ = [
     "drawings_in",
     "sections_in",
     "tables_in",
+    "with_blocks",
 ]
 
 
@@ -109,6 +110,20 @@ class Report:
     def all_sections(self) -> tuple[Section, ...]:
         """The sections, and the provenance at the end."""
         return self.sections + (() if self.provenance is None else (self.provenance,))
+
+
+def with_blocks(
+    sections: Iterable[Section], change: Callable[[HtmlBlock], HtmlBlock]
+) -> tuple[Section, ...]:
+    """Return sections with every part changed, also within those within them."""
+
+    def changed(block: HtmlBlock) -> HtmlBlock:
+        return of(block) if isinstance(block, Section) else change(block)
+
+    def of(section: Section) -> Section:
+        return replace(section, blocks=tuple(map(changed, section.blocks)))
+
+    return tuple(map(of, sections))
 
 
 def sections_in(sections: Iterable[Section]) -> Iterator[Section]:

@@ -8,9 +8,8 @@ from dataclasses import replace
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.report.adjustdocument import (
     ALARM,
-    DATUM,
+    datum_words,
     ground_lines,
-    is_scaled,
     others_flagged,
     sigma0_limit,
 )
@@ -85,9 +84,7 @@ def _global_test(block: AdjustedBlock, answer: Answer) -> Line:
 
 
 def _datum(block: AdjustedBlock, answer: Answer) -> Line:
-    line = say("{}", DATUM[block.problem.datum])
-    if is_scaled(block.problem):
-        line += ", the scale by distances"
+    line = say("{}", datum_words(block.problem))
     defect = answer["datum"]["defect"]
     return line + say(", rank defect {}", defect) if defect else line
 
