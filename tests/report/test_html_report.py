@@ -69,6 +69,8 @@ def test_an_earlier_report_is_replaced_and_nothing_else(tmp_path: Path) -> None:
     before = page.read_bytes()
     write_report(report(251), page, tmp_path / "f", most_rows=100)
     assert page.read_bytes() != before
+    write_report(report(3), page, tmp_path / "f")
+    assert list((tmp_path / "r.html.tables").iterdir()) == []
     other = tmp_path / "notes.html"
     other.write_text("<html>mine</html>")
     with pytest.raises(InputError, match="is no report, and is not overwritten"):

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import csv
+import hashlib
 import io
 import json
 import re
+import shutil
 from collections.abc import Iterator
 from dataclasses import replace
 from html.parser import HTMLParser
@@ -251,6 +253,44 @@ def test_nothing_is_written_over_what_is_no_report(
     assert capsys.readouterr().out == ""
     assert mine.read_text(encoding="utf-8") == "mine"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["mine.html"]
+
+
+def test_it_says_from_which_bytes_it_comes(
+    written: tuple[Path, dict[str, Any]], folder: Path
+) -> None:
+    page, answer = written
+    files = answer["report"]["provenance"]["files"]
+    assert {Path(one["file"]).name for one in files} == {
+        "block.toml",
+        "image_points.csv",
+        "control.csv",
+    }
+    for one in files:
+        data = Path(one["file"]).read_bytes()
+        assert one["bytes"] == len(data)
+        assert one["sha256"] == hashlib.sha256(data).hexdigest()
+        assert one["sha256"] in page.read_text(encoding="utf-8")
+
+
+def test_files_that_change_meanwhile_are_no_report(
+    folder: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    copy = Path(shutil.copytree(folder, tmp_path / "block"))
+    adjust = anaplot.adjust
+
+    def slow(block: Path, **options: Any) -> Any:
+        found = adjust(block, **options)
+        with (copy / "control.csv").open("a", encoding="utf-8") as file:
+            file.write("\n")
+        return found
+
+    monkeypatch.setattr("anaplot.report.reportcommand.adjust", slow)
+    assert main(["report", str(copy), "-o", str(tmp_path / "r.html")]) == 2
+    assert "control.csv: has changed meanwhile, nothing is written" in capsys.readouterr().err
+    assert not (tmp_path / "r.html").exists()
 
 
 def test_long_tables_are_cut_and_stand_whole_beside_the_page(

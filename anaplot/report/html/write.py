@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -127,6 +128,7 @@ def write_report(
     html = html_of(view).encode()
     files = {beside / f"{key}.csv": csv_text(table).encode() for key, table in view.cut.items()}
     drawings = {} if folder is None else dict(_drawings(report, folder))
+    gone = _stale(beside, files)
     with all_or_nothing():
         for where, some in ((beside, files), (folder, drawings)):
             if some and where is not None:
@@ -136,7 +138,16 @@ def write_report(
                 replace_whole(name, data)
             else:
                 create_whole(name, data)
+    for name in gone:
+        # of an earlier report: nothing of this page says what it is
+        with contextlib.suppress(OSError):
+            name.unlink()
     return Written(page, len(html), tuple(files), tuple(drawings))
+
+
+def _stale(folder: Path, files: Mapping[Path, bytes]) -> list[Path]:
+    """Return the tables of an earlier report that this one does not write anew."""
+    return [path for path in folder.glob("*.csv") if path not in files] if folder.is_dir() else []
 
 
 def _drawings(report: Report, folder: Path) -> Iterator[tuple[Path, bytes]]:

@@ -181,7 +181,7 @@ def _unchecked(found: BlockAdjustment, status: BlockStatus) -> Line:
         lines.append(say("the numbering of points in strips {}", strips))
     if not lines:
         return say("Unchecked: Nothing")
-    return say("Unchecked: {}", _several(lines)).of("remark")
+    return say("Unchecked: {}", named(lines, separator="; ")).of("remark")
 
 
 def _accuracy(found: BlockAdjustment) -> Line:
