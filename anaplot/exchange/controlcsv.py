@@ -53,7 +53,6 @@ def parse_control(path: Path) -> GroundPoints:
     GroundPoints
         The rows in file order. A blank coordinate is not known (None), a blank standard
         deviation the block's default (None), 0 is free of error; those of a prior are positive.
-        A blank use is control.
         A point may have a prior beside its control, and any rows that are off.
 
     Raises
@@ -64,7 +63,7 @@ def parse_control(path: Path) -> GroundPoints:
     table = read_csv(
         path,
         {"point": NAME, **dict.fromkeys(_XYZ, Blank(METRES))},
-        {**dict.fromkeys(_SIGMAS, Blank(SIGMA_OR_FREE)), "use": Blank(Word(*USES))},
+        {**dict.fromkeys(_SIGMAS, Blank(SIGMA_OR_FREE)), "use": Word(*USES)},
     )
     columns = (table[name] for name in ("point", *_XYZ, *_SIGMAS, "use"))
     control: list[ControlPoint] = []
