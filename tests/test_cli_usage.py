@@ -35,6 +35,10 @@ def said(*words: str) -> str:
         # what is a part of another command is found, too
         ("network", "no command 'network' (did you mean 'plan network'?)"),
         ("simulate x", "no command 'simulate' (did you mean 'plan simulate'?)"),
+        ("help adjust", "no command 'help' (did you mean '--help'?)"),
+        ("version", "no command 'version' (did you mean '--version'?)"),
+        ("plan frobnicate", "no command 'plan frobnicate' (known: pattern, block, network, add"),
+        ("plan help", "no command 'plan help' (did you mean '--help'?)"),
         ("plan netwrk", "no command 'plan netwrk' (did you mean 'network'?)"),
         ("plotter chek", "no command 'plotter chek' (did you mean 'check'?)"),
         ("plan", "plan what? pattern, block, network, additional, simulate (see anaplot plan "),
@@ -184,6 +188,8 @@ def test_where_there_is_no_such_block_nothing_is_guessed(block: str) -> None:
     assert found.startswith("the following arguments are required: BLOCK")
     assert found.endswith("--covariance takes every word behind it: write it last")
     assert "no 'nobody' (known: kinds" in said("adjust", "--components", "nobody")
+    for name in ("x" * 5000, "x\0y", ""):
+        assert "argument --components: no " in said("adjust", "--components", name)
     # a folder that is called like one of the choices is the choice
     Path("kinds").mkdir()
     assert "required: BLOCK" in said("adjust", "--components", "kinds")

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import os
 import sys
 from collections.abc import Callable, Generator, Sequence
 from itertools import takewhile
-from pathlib import Path
 from typing import Any, NoReturn
 
 from anaplot.errors import InputError
@@ -117,7 +117,7 @@ class CommandParser(argparse.ArgumentParser):
             if len(behind) < _SOME[option.nargs]:
                 continue
             taker, last = word, at + len(behind)
-            if Path(words[last]).exists() and words[last] not in (option.choices or ()):
+            if os.path.lexists(words[last]) and words[last] not in (option.choices or ()):
                 return taker, [words[last], *words[:last], *words[last + 1 :]]
         return taker, []
 
@@ -142,7 +142,10 @@ class CommandParser(argparse.ArgumentParser):
                 for name, parser in commands_of(self).items()
                 for part in commands_of(parser)
             }
-            meant = hint(inner.get(value, value), [*choices, *inner.values()])
+            known = [*choices, *inner.values()]
+            if value in ("help", "version"):
+                known = [f"--{value}"]
+            meant = hint(inner.get(value, value), known)
             self.error(f"no command {quoted(f'{self._name} {value}'.strip())}{meant}")
         meant = hint(str(value), map(str, choices))
         raise argparse.ArgumentError(action, f"no {quoted(str(value))}{meant}")

@@ -10,6 +10,7 @@ from anaplot.exchange.salvage import Gap
 from anaplot.report.columns import counted
 from anaplot.report.document import Document, for_programs, named, say, table
 from anaplot.report.output import Output
+from anaplot.report.progress import working
 from anaplot.station.salvage import Salvaged, salvage
 from anaplot.textfiles.wording import place
 
@@ -33,7 +34,8 @@ def run_salvage(options: argparse.Namespace) -> int:
             raise InputError(f"--salvage and {option} exclude each other")
     output = Output.of(options)
     output.check({"is read": journal_files(options.session)}, options.salvage)
-    salvaged = salvage(options.session, options.salvage)
+    with working("reading what can be read"):
+        salvaged = salvage(options.session, options.salvage)
     output.show(salvage_document(salvaged, place(options.salvage)))
     return 0
 
