@@ -106,6 +106,34 @@ def test_nothing_is_wider_than_a_telephone(browser: Any, report: Path) -> None:
     visit.tab.close()
 
 
+@pytest.mark.parametrize("kind", ["bridge", "compare", "plan network"])
+def test_pages_of_other_commands_are_no_louder(
+    browser: Any, report: Path, tmp_path: Path, kind: str
+) -> None:
+    block, page = report.parent / "block", tmp_path / "page.html"
+    arguments = {"bridge": [str(block), "--errors", "tau"], "plan network": ["cube"]}
+    if kind == "compare":
+        later = shutil.copytree(block, tmp_path / "later")
+        rng = np.random.default_rng(4)
+        rows = anaplot.read_block(block).image_points
+        moved = [
+            replace(r, x=r.x + 0.005 * rng.normal(), y=r.y + 0.005 * rng.normal()) for r in rows
+        ]
+        write_image_points(later, moved)
+        arguments[kind] = [str(block), str(later)]
+    with contextlib.redirect_stdout(io.StringIO()):
+        assert main([*kind.split(), *arguments[kind], "--report", str(page)]) == 0
+    visit = Visit(browser, page, viewport={"width": 400, "height": 800})
+    visit.tab.evaluate("for (const one of document.querySelectorAll('details')) one.open = true")
+    assert visit.tab.evaluate("document.documentElement.scrollWidth") <= 400
+    assert visit.tab.locator("#verdict li").count() == 5
+    found = axe.Axe().run(visit.tab).response["violations"]
+    assert [one["id"] for one in found] == []
+    assert visit.said == []
+    assert visit.asked == [page.as_uri()]
+    visit.tab.close()
+
+
 def test_tables_are_sorted_by_a_press_on_a_heading(browser: Any, report: Path) -> None:
     visit = Visit(browser, report)
     visit.tab.evaluate("for (const one of document.querySelectorAll('details')) one.open = true")
