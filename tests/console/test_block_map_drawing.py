@@ -85,13 +85,15 @@ def test_ellipses_have_the_size_and_the_direction_that_the_legend_states(directi
     rows = canvas.dots()[: 4 * (canvas.rows - 2)]
     y, x = np.nonzero(rows)
     assert len(x) > 20
-    long = a / (bar / 10.0)  # dots
-    off = np.stack([x - x.mean(), -(y - y.mean())])
-    values, axes = np.linalg.eigh(np.cov(off))
-    assert np.hypot(*off).max() == pytest.approx(long, abs=1.5)
-    turned = np.arctan2(axes[1, 1], axes[0, 1])
-    assert np.sin(turned - direction) == pytest.approx(0.0, abs=0.1)
-    assert values[1] > values[0]
+    off = np.stack([x - x.mean(), -(y - y.mean())]) * (bar / 10.0)  # m
+    along = off[0] * np.cos(direction) + off[1] * np.sin(direction)
+    across = off[1] * np.cos(direction) - off[0] * np.sin(direction)
+    # every dot is on the curve, as far as dots can be, and the curve is drawn all around
+    nearest = np.abs(np.hypot(along / a, across / b) - 1.0) * b / (bar / 10.0)
+    assert nearest.max() < 1.5
+    assert np.abs(along).max() == pytest.approx(a, abs=1.5 * bar / 10.0)
+    assert along.min() < -0.7 * a
+    assert along.max() > 0.7 * a
 
 
 def test_where_points_are_many_ellipses_do_not_cover_one_another() -> None:
@@ -100,6 +102,15 @@ def test_where_points_are_many_ellipses_do_not_cover_one_another() -> None:
     block = made(places, r=random.uniform(0.0, 1.0, 3000), ellipse=(0.1, 0.1, 0.0))
     canvas = draw_block_map(block, 100, 40)
     assert "the largest of each patch" in canvas.text()
+    words = next(line for line in canvas.text().splitlines() if "in ellipses" in line)
+    metres = float(words.split(" m in ellipses")[0].split()[-1]) / 10.0
+    assert 3.0 <= 0.1 / metres <= 6.0  # dots: half a patch
+    # one that is large hides that all others are small
+    ellipses = np.full((3000, 3), 0.001)
+    ellipses[1234] = 1.0, 1.0, 0.0
+    one = draw_block_map(replace(block, ellipses=ellipses, strips=()), 100, 40)
+    drawn = [run for row in one.runs() for run in row if run[1] == BlockLayer.ELLIPSE]
+    assert 0 < sum(len(text) for text, _ in drawn) < 40
     assert "the largest" not in draw_block_map(made(SQUARE, ellipse=(1, 1, 0)), 100, 40).text()
 
 
