@@ -8,6 +8,7 @@ import xml.etree.ElementTree as ET
 import numpy as np
 
 from anaplot.drawing.drawing import Drawing
+from anaplot.drawing.textwidth import SMALL, TEXT, TINY, text_width
 
 SVG = "{http://www.w3.org/2000/svg}"
 ALLOWED = {"svg", "title", "desc", "g", "path", "rect", "text", "style"}
@@ -36,7 +37,29 @@ def sound(drawing: Drawing) -> ET.Element:
             assert "url(" not in value
             assert "nan" not in value
             assert "inf" not in value.split()
+    for low_x, low_y, high_x, high_y in boxes(root):
+        assert low_x >= -1.0
+        assert low_y >= -1.0
+        assert high_x <= float(root.get("viewBox", "").split()[2]) + 1.0
+        assert high_y <= float(root.get("viewBox", "").split()[3]) + 1.0
     return root
+
+
+def boxes(root: ET.Element) -> list[tuple[float, float, float, float]]:
+    """Return left, upper, right and lower side of every text, about."""
+    out = []
+    for one, shown in zip(root.iter(f"{SVG}text"), texts(root), strict=True):
+        classes = (one.get("class") or "").split()
+        size = SMALL if "t-small" in classes else TINY if "t-tiny" in classes else TEXT
+        size = 15.0 if "t-title" in classes else size
+        wide = text_width(shown, size) / 1.06  # which is rather too much
+        x, y = float(one.get("x", "0")), float(one.get("y", "0"))
+        before = wide if "t-end" in classes else wide / 2 if "t-mid" in classes else 0.0
+        if one.get("transform"):  # read from the right: along it is upwards
+            out.append((x - 0.8 * size, y + before - wide, x + 0.2 * size, y + before))
+        else:
+            out.append((x - before, y - 0.8 * size, x - before + wide, y + 0.2 * size))
+    return out
 
 
 def texts(root: ET.Element) -> list[str]:

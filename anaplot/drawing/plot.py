@@ -16,7 +16,7 @@ from anaplot.drawing.labels import placed
 from anaplot.drawing.legend import Entry, legend
 from anaplot.drawing.pathdata import Shape
 from anaplot.drawing.textwidth import SMALL, folded, text_width
-from anaplot.drawing.ticks import Ticks, ticks
+from anaplot.drawing.ticks import Ticks, ticks, written
 from anaplot.textfiles.wording import plain
 
 __all__ = ["Head", "Plot", "drawn"]
@@ -24,6 +24,7 @@ __all__ = ["Head", "Plot", "drawn"]
 _SIDE = 16.0  # blank at left and right of titles and notes
 _LINE = 16.5
 _LONGEST_TITLE = 68
+_ROOM_OF_NUMBER = 62.0  # at the left of a frame
 _BETWEEN = 14.0  # between two numbers of an axis
 _LONGEST_NAME = 14  # characters of names beside points
 
@@ -164,8 +165,11 @@ class Plot:
         self.add(
             element("rect", x=of.left, y=of.top, width=of.width, height=of.height, class_="frame")
         )
+        x_title, along = _relative(x_title, along)
+        y_title, up = _relative(y_title, up)
         for at, label in zip(x.tolist(), along.labels, strict=True):
-            self.add(text(at, of.bottom + 16.0, label, "t-soft t-small t-mid"))
+            middle = min(at, WIDTH - 2.0 - text_width(label, SMALL) / 2.0)
+            self.add(text(middle, of.bottom + 16.0, label, "t-soft t-small t-mid"))
         for at, label in zip(y.tolist(), up.labels, strict=True):
             self.add(text(of.left - 7.0, at + 3.8, label, "t-soft t-small t-end"))
         self.add(text(of.left + of.width / 2.0, of.bottom + 34.0, x_title, "t-mid"))
@@ -279,10 +283,19 @@ def _apart(frame: Frame) -> Ticks:
     """Return round numbers along x whose labels stand apart."""
     for most in range(9, 2, -1):
         found = ticks(*frame.x, most)
-        wide = max((text_width(label, SMALL) for label in found.labels), default=0.0)
+        shown = _relative("", found)[1].labels
+        wide = max((text_width(label, SMALL) for label in shown), default=0.0)
         if wide + _BETWEEN <= found.step * frame.scale[0]:
             break
     return found
+
+
+def _relative(title: str, of: Ticks) -> tuple[str, Ticks]:
+    """Return what stands along an axis: numbers that are too long, less a round one."""
+    if max((text_width(label, SMALL) for label in of.labels), default=0.0) <= _ROOM_OF_NUMBER:
+        return title, of
+    base, rest = of.less()
+    return f"{title} − {written(base, max(rest.decimals - 3, 0))}".replace("− −", "+ "), rest
 
 
 def _noted(notes: Iterable[str], left: float, y: float, width: float) -> tuple[Svg, float]:

@@ -5,11 +5,14 @@ from __future__ import annotations
 import unicodedata
 from functools import lru_cache
 
+from anaplot.drawing.element import shortened
+
 __all__ = ["SMALL", "TEXT", "TINY", "folded", "text_width"]
 
 TEXT, SMALL, TINY = 12.5, 11.0, 9.5
 """Sizes of texts in units of the drawing: of most, of numbers and names, and the smallest."""
 
+_LONGEST_WORD = 40
 _BROADEST = 1.06  # of the fonts that may be there
 _NARROW = frozenset("iljI.,:;'|!`")
 _SLIM = frozenset('frt()[]{}-/\\ "°·')
@@ -37,9 +40,9 @@ def text_width(text: str, size: float = TEXT) -> float:
 
 
 def folded(text: str, width: float, size: float = TEXT) -> list[str]:
-    """Return the lines of a text none of which is wider, but where a word is."""
+    """Return the lines of a text none of which is wider; long words lose their middle."""
     lines: list[str] = []
-    for word in text.split():
+    for word in (shortened(each, _LONGEST_WORD) for each in text.split()):
         if lines and text_width(f"{lines[-1]} {word}", size) <= width:
             lines[-1] += f" {word}"
         else:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 __all__ = ["Ticks", "covering", "round_down", "ticks", "written"]
 
 _FINEST = 1e-12  # of the numbers: a shorter axis
+_ROUND = 1000.0  # steps
 _GROUPED = 10_000.0  # from here on digits stand in groups of three
 
 
@@ -27,6 +28,11 @@ class Ticks(NamedTuple):
     values: tuple[float, ...]
     step: float
     decimals: int
+
+    def less(self) -> tuple[float, Ticks]:
+        """Return a round number near the values, and what they are more than that."""
+        base = _ROUND * self.step * floor(self.values[0] / (_ROUND * self.step))
+        return base, self._replace(values=tuple(value - base for value in self.values))
 
     @property
     def labels(self) -> tuple[str, ...]:

@@ -7,15 +7,17 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from svgs import SVG, paths, runs, sound, texts
+from svgs import SVG, boxes, paths, runs, sound, texts
 
 from anaplot.drawing.charts.bars import MOST_BARS, bars
 from anaplot.drawing.charts.histogram import histogram
 from anaplot.drawing.charts.matrix import LARGEST, correlation_matrix
 from anaplot.drawing.charts.quantileplot import quantile_plot, shown_ranks
 from anaplot.drawing.classes import classes_of
+from anaplot.drawing.element import shortened
 from anaplot.drawing.frame import equal_frame, free_frame
 from anaplot.drawing.labels import placed
+from anaplot.drawing.legend import Entry
 from anaplot.drawing.plot import Head, Plot
 from anaplot.drawing.textwidth import text_width
 from anaplot.drawing.thinning import thinned
@@ -75,8 +77,8 @@ def test_a_matrix_writes_its_lower_triangle() -> None:
     assert shown.count("<c>") == 2
     strong = [one.text for one in root.iter(f"{SVG}text") if "t-strong" in one.get("class", "")]
     assert "−0.95" in strong
-    boxes = [one for one in root.iter(f"{SVG}rect") if "f-minus-3" in one.get("class", "")]
-    assert len(boxes) == 2  # the cell and the legend
+    tinted = [one for one in root.iter(f"{SVG}rect") if "f-minus-3" in one.get("class", "")]
+    assert len(tinted) == 2  # the cell and the legend
 
 
 def test_a_large_matrix_writes_signs() -> None:
@@ -103,10 +105,10 @@ def test_bars_are_as_long_as_their_numbers() -> None:
         marked_label="look",
     )
     root = sound(drawing)
-    boxes = [one for one in root.iter(f"{SVG}rect") if one.get("class") == "f-series-1"][:3]
-    wide = np.array([float(one.get("width", "0")) for one in boxes])
+    drawn = [one for one in root.iter(f"{SVG}rect") if one.get("class") == "f-series-1"][:3]
+    wide = np.array([float(one.get("width", "0")) for one in drawn])
     assert wide / wide[0] == pytest.approx(np.abs(values), abs=0.01)
-    left = [float(one.get("x", "0")) for one in boxes]
+    left = [float(one.get("x", "0")) for one in drawn]
     assert left[1] + wide[1] == pytest.approx(left[0], abs=0.2)
     assert {"1.00", "−0.50", "2.00"} <= set(texts(root))
     assert any("…" in one for one in texts(root))
@@ -187,12 +189,12 @@ def test_no_name_covers_another_or_a_mark(n: int, seed: int) -> None:
     at = random.uniform((frame.left, frame.top), (frame.right, frame.bottom), (n, 2))
     sizes = random.uniform(8.0, 60.0, (n, 2)) * [1.0, 0.3]
     found = placed(frame, at, sizes)
-    boxes = [(p.x, p.y, p.x + sizes[p.which, 0], p.y + sizes[p.which, 1]) for p in found]
-    for k, one in enumerate(boxes):
+    taken = [(p.x, p.y, p.x + sizes[p.which, 0], p.y + sizes[p.which, 1]) for p in found]
+    for k, one in enumerate(taken):
         assert frame.left <= one[0]
         assert one[2] <= frame.right
         assert not any(one[0] < x < one[2] and one[1] < y < one[3] for x, y in at)
-        for other in boxes[:k]:
+        for other in taken[:k]:
             apart = (
                 one[2] <= other[0] or other[2] <= one[0] or one[3] <= other[1] or other[3] <= one[1]
             )
@@ -260,3 +262,42 @@ def test_numbers_of_an_axis_stand_apart(origin: float, size: float) -> None:
     assert len(below) >= 2
     for (a, wide), (b, other) in pairwise(below):
         assert b - a > (wide + other) / 2 + 5.0
+
+
+@pytest.mark.parametrize("n", [1, 2, 6, 22, 40, LARGEST])
+@pytest.mark.parametrize("name", ["b", "a long name of a parameter"])
+def test_names_of_a_matrix_stand_beside_its_cells(n: int, name: str) -> None:
+    names = [f"{name} {k}" for k in range(n)]
+    root = sound(correlation_matrix(HEAD, names, np.full((n, n), 0.95), f"{n} rows"))
+    cells = [
+        [float(one.get(side, "0")) for side in ("x", "y", "width", "height")]
+        for one in root.iter(f"{SVG}rect")
+        if "gap" in (one.get("class") or "")
+    ]
+    left = min(x for x, _, _, _ in cells)
+    below = max(y + high for _, y, _, high in cells)
+    assert all(width >= 5.0 for _, _, width, _ in cells)
+    found = zip(boxes(root), texts(root), strict=True)
+    of_names = [box for box, shown in found if shown in {shortened(each, 18) for each in names}]
+    assert len(of_names) == 2 * n
+    for low_x, low_y, high_x, _ in of_names:
+        assert high_x <= left or low_y >= below - 1.0
+        assert low_x >= 0.0
+
+
+def test_no_text_of_a_legend_covers_another() -> None:
+    entries = [Entry("mark", f"{'wide ' * (k % 5)}entry {k}", "f-ink", "square") for k in range(12)]
+    plot = Plot(HEAD, equal_frame(HEAD.bottom, np.array([[0.0, 0.0], [2.0, 1.0]])))
+    plot.axes("X [m]", "Y [m]")
+    plot.explain(*entries, Entry("arrow", "10 um", "line l-ink", length=70.0))
+    plot.note("A note. " * 30)
+    root = sound(plot.drawing("13 entries"))
+    found = boxes(root)
+    for k, one in enumerate(found):
+        for other in found[:k]:
+            assert (
+                one[2] <= other[0] + 0.5
+                or other[2] <= one[0] + 0.5
+                or one[3] <= other[1] + 0.5
+                or other[3] <= one[1] + 0.5
+            )

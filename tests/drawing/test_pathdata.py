@@ -70,6 +70,9 @@ def test_marks_stand_in_their_middle(shape: pathdata.Shape) -> None:
     corners = np.vstack(runs(d))
     middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
     assert middle == pytest.approx([100.0, 50.0], abs=1.1)  # a triangle's foot is nearer
+    # the same at the left and at the right
+    mirrored = {(round(200.0 - x, 1), round(y, 1)) for x, y in corners.tolist()}
+    assert mirrored == {(round(x, 1), round(y, 1)) for x, y in corners.tolist()}
     assert np.ptp(corners, axis=0).max() < 14
 
 

@@ -76,3 +76,14 @@ def test_rounding_down(value: float) -> None:
 def test_no_minus_before_nought() -> None:
     assert written(-0.001, 2) == "0.00"
     assert written(-12345.6, 1) == "−12 345.6"
+
+
+@given(st.floats(-1e8, 1e8), st.floats(1e-2, 1e3))
+def test_what_long_numbers_are_more_than_a_round_one(low: float, size: float) -> None:
+    found = ticks(low, low + size)
+    assume(found.values)
+    base, rest = found.less()
+    assert base / (1000.0 * found.step) == pytest.approx(round(base / (1000.0 * found.step)))
+    assert 0.0 <= rest.values[0] < 1000.0 * found.step * (1.0 + 1e-9)
+    for value, more in zip(found.values, rest.values, strict=True):
+        assert base + more == pytest.approx(value, rel=1e-12, abs=1e-9)
