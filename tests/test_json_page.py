@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import re
 import shutil
@@ -15,7 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from anaplot.cli import main
+from anaplot.cli import command_parser, main
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "json.md"
@@ -47,6 +48,7 @@ RUNS = {
     ],
     "anaplot plan additional": ["plan additional gruen"],
     "anaplot plan simulate": ["plan simulate bayes-G0A --runs 2", "plan simulate --list"],
+    "anaplot plotter list": ["plotter list"],
     "anaplot demo": ["demo --auto --keep demo"],
     "anaplot log": ["log demo"],
     "anaplot pointing": ["pointing demo"],
@@ -207,6 +209,22 @@ def test_the_page_has_the_keys_that_are_printed_and_no_other(printed: dict[str, 
         and key.rpartition(".")[2] not in declared
     ]
     assert missing == []
+
+
+def _with_json(parser: argparse.ArgumentParser, name: str) -> Iterator[str]:
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for word, under in action.choices.items():
+                yield from _with_json(under, f"{name} {word}")
+        elif "--json" in action.option_strings:
+            yield name
+
+
+def test_every_command_with_json_has_a_section() -> None:
+    there = " and ".join(f"anaplot {h}" for s in sections() for h in re.split(r"anaplot | and ", s))
+    missing = [name for name in _with_json(command_parser(), "anaplot") if name not in there]
+    assert missing == ["anaplot report"]  # that of adjust, as the page says
+    assert "`anaplot report`" in PAGE.read_text(encoding="utf-8")
 
 
 def test_every_section_is_of_a_command_or_referred_to() -> None:
