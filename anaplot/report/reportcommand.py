@@ -119,6 +119,7 @@ def _report(material: Material, made: Provenance, angles: AngleUnit) -> Report:
         verdict,
         block_sections(material),
         provenance_section(made, material.measured),
+        say("Adjusted as one bundle by anaplot {}, {}", made.versions["anaplot"], made.time),
     )
     return with_definitions(with_angles_in(report, angles))
 

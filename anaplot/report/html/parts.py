@@ -99,12 +99,15 @@ class Report:
         In the order of the page.
     provenance
         What was computed with which version, settings and files; None: nothing is known of it.
+    lead
+        Stands under the title: by what and when; None: nothing.
     """
 
     title: Line
     verdict: tuple[Line, ...]
     sections: tuple[Section, ...]
     provenance: Section | None = None
+    lead: Line | None = None
 
     @property
     def all_sections(self) -> tuple[Section, ...]:

@@ -36,6 +36,7 @@ def html_of(report: Report | PageView) -> str:
     )
     return _template().render(
         title=page.title,
+        lead=page.lead,
         verdict=page.verdict,
         sections=page.sections,
         style=style,

@@ -150,9 +150,10 @@ class SectionView:
 
 @dataclass(frozen=True, slots=True)
 class PageView:
-    """A page: its title, verdict and sections, and by their addresses the tables that it cuts."""
+    """A page: title, lead, verdict, sections, and by their addresses the tables that it cuts."""
 
     title: tuple[Text, ...]
+    lead: tuple[Text, ...]
     verdict: tuple[tuple[str, LineView], ...]
     sections: tuple[SectionView, ...]
     cut: Mapping[str, Table]
@@ -191,7 +192,8 @@ def page_view(report: Report, *, most_rows: int = MOST_ROWS, beside: str = "") -
     plan = _Plan(most_rows, beside)
     sections = tuple(plan.section(section, 2) for section in report.all_sections)
     verdict = tuple(map(_labelled, report.verdict))
-    return PageView(text_of(report.title), verdict, sections, plan.cut)
+    lead = () if report.lead is None else text_of(report.lead)
+    return PageView(text_of(report.title), lead, verdict, sections, plan.cut)
 
 
 def table_views(sections: Iterable[SectionView]) -> Iterator[TableView]:

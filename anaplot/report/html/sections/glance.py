@@ -18,6 +18,7 @@ from anaplot.report.columns import counted
 from anaplot.report.document import Answer, Document, Line, Table, named, say
 from anaplot.report.html.parts import Captioned, Facts, HtmlBlock, Section
 from anaplot.report.html.shown import first_rows
+from anaplot.station.blockstatus import is_held
 
 __all__ = ["accuracy_section", "glance_section"]
 
@@ -91,8 +92,10 @@ def _datum(block: AdjustedBlock, answer: Answer) -> Line:
 
 def _system(block: AdjustedBlock) -> Line:
     lines = ground_lines(block.problem.block.ground)
+    if not lines and not is_held(block.problem.block):
+        return say("its own: nothing ties the block to the ground")
     if not lines:
-        return say("that of control.csv, metres; no reference system is stated")
+        return say("that of what is given, metres; no reference system is stated")
     return Line(tuple(part for line in lines for part in (*_stripped(line).parts, " ")))
 
 
