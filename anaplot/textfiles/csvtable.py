@@ -206,11 +206,7 @@ def _header(
     elif len(names) == 1 and (";" in names[0] or "\t" in names[0]):
         message = "columns must be separated by commas"
     else:
-        for index, name in enumerate(names):
-            if name not in known:
-                message = message or f"unknown column {quoted(name)}{hint(name, known)}"
-            elif name in names[:index]:
-                message = message or f"column {quoted(name)} twice"
+        message = _column_fault(names, known)
         for group in either:
             stray = next((name for name in names if name in group and name not in required), None)
             if stray is not None:
@@ -222,6 +218,17 @@ def _header(
     if message:
         raise _fault(path, 1, None, message)
     return names
+
+
+def _column_fault(names: list[str], known: Fields) -> str:
+    seen: set[str] = set()
+    for name in names:
+        if name not in known:
+            return f"unknown column {quoted(name)}{hint(name, known)}"
+        if name in seen:
+            return f"column {quoted(name)} twice"
+        seen.add(name)
+    return ""
 
 
 def _values(
