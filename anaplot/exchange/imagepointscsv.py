@@ -312,10 +312,13 @@ def _check_models(table: CsvColumns, photos: Iterable[str], strips: Collection[S
             known[right].add(model_name(left, right))
     rows = list(zip(table["photo"], table["model"], strict=True))
     suspect = {(photo, model) for photo, model in set(rows) if model and model not in known[photo]}
-    wrong = {pair: fault for pair in suspect if (fault := _model_fault(*pair, known, bool(strips)))}
-    if wrong:
-        row = next(row for row, pair in enumerate(rows) if pair in wrong)
-        raise table.fail(row, "model", wrong[rows[row]])
+    for row, pair in enumerate(rows):
+        # one after another: what is near an unknown name is looked for among all of them
+        if pair in suspect:
+            fault = _model_fault(*pair, known, bool(strips))
+            if fault is not None:
+                raise table.fail(row, "model", fault)
+            suspect.remove(pair)
 
 
 def _model_fault(
