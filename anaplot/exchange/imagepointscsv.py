@@ -12,9 +12,8 @@ from anaplot.photogrammetry.block import Block, Camera, ImagePoint, Strip
 from anaplot.photogrammetry.measuredimage import (
     has_lens,
     ideal_rays,
-    measured_rays,
+    measured_places,
     mm_of_pixels,
-    pixels_of_mm,
 )
 from anaplot.photogrammetry.selection import model_name, model_splits
 from anaplot.textfiles.csvtable import MAX_CSV_BYTES, CsvColumns, csv_text, read_csv
@@ -200,23 +199,14 @@ def _as_measured(rows: Sequence[ImagePoint], block: Block | None) -> list[tuple[
         if stray is not None:
             raise _unwritable(stray, "it was measured in pixels, or through a lens")
         return out
-    cameras = {camera.id: camera for camera in block.cameras}
-    of_photo = {photo.id: photo.camera for photo in block.photos}
-    wanting: dict[str, list[int]] = {}
-    for k, row in enumerate(rows):
-        camera = cameras[of_photo[row.photo]]
-        if row.measured is None and (block.in_pixels or has_lens(camera)):
-            wanting.setdefault(camera.id, []).append(k)
-    for name, mine in wanting.items():
-        camera = cameras[name]
-        if block.in_pixels and camera.pixels is None:
-            raise _unwritable(rows[mine[0]], f"camera {quoted(name)} has no pixels")
-        places = measured_rays(camera, [(rows[k].x, rows[k].y) for k in mine])
-        if block.in_pixels:
-            places = pixels_of_mm(camera, places)
-        for k, (x, y) in zip(mine, places.tolist(), strict=True):
-            out[k] = x, y
-    return out
+    if not block.in_pixels and not any(map(has_lens, block.cameras)):
+        return out
+    for row in rows:
+        camera = block.camera_of(row.photo)
+        if block.in_pixels and row.measured is None and camera.pixels is None:
+            raise _unwritable(row, f"camera {quoted(camera.id)} has no pixels")
+    places = measured_places(block, rows, pixels=block.in_pixels).tolist()
+    return [(x, y) for x, y in places]
 
 
 def _take_off_lenses(

@@ -22,6 +22,7 @@ __all__ = [
     "computed_place",
     "has_lens",
     "ideal_rays",
+    "measured_places",
     "measured_rays",
     "mm_of_pixels",
     "pixels_of_mm",
@@ -81,6 +82,42 @@ def measured_rays(camera: Camera, ideal: Pairs) -> Array:
     if not has_lens(camera):
         return places
     return through_lens(places / camera.c, np.array(camera.lens_parameters)).xy
+
+
+def measured_places(block: Block, image_points: Sequence[ImagePoint], *, pixels: bool) -> Array:
+    """Return (n, 2) coordinates of a block's image points as they were measured.
+
+    Parameters
+    ----------
+    block
+        The block.
+    image_points
+        All of them, or some.
+    pixels
+        Whether pixels are wanted, which every camera must have then, or mm about the principal
+        point, y up. Where that is what the block's file has, the numbers are the same.
+    """
+    cameras = {camera.id: camera for camera in block.cameras}
+    of_photo = {photo.id: photo.camera for photo in block.photos}
+    by_camera: dict[str, list[int]] = {}
+    for k, row in enumerate(image_points):
+        by_camera.setdefault(of_photo[row.photo], []).append(k)
+    out = np.empty((len(image_points), 2))
+    for name, rows in by_camera.items():
+        camera = cameras[name]
+        mine = [image_points[k] for k in rows]
+        stated = [k for k, row in zip(rows, mine, strict=True) if row.measured is not None]
+        given = np.array([row.measured for row in mine if row.measured is not None])
+        rest = [k for k, row in zip(rows, mine, strict=True) if row.measured is None]
+        if rest:
+            ideal = [(row.x, row.y) for row in mine if row.measured is None]
+            seen = measured_rays(camera, ideal)
+            out[rest] = pixels_of_mm(camera, seen) if pixels else seen
+        if stated and pixels != block.in_pixels:
+            given = pixels_of_mm(camera, given) if pixels else mm_of_pixels(camera, given)
+        if stated:
+            out[stated] = given
+    return out
 
 
 def computed_place(row: ImagePoint) -> tuple[float, float]:

@@ -12,9 +12,9 @@ import numpy as np
 from anaplot.errors import InputError
 from anaplot.exchange.formats.door import SOURCE, AdjustedResult, Exported, Exporting, Note
 from anaplot.exchange.formats.gathered import not_held, rays_that_count
-from anaplot.exchange.formats.measuredrays import measured_places
 from anaplot.exchange.formats.sourcelines import source_lines
 from anaplot.photogrammetry.block import Block, Camera
+from anaplot.photogrammetry.measuredimage import measured_places
 from anaplot.photogrammetry.rotation import axis_angle, rotation_matrix
 from anaplot.photogrammetry.selection import rows_by_photo
 from anaplot.textfiles.wholefile import create_whole

@@ -13,10 +13,10 @@ from anaplot.errors import InputError
 from anaplot.exchange.formats.blocksexchangemodel import HALF
 from anaplot.exchange.formats.door import Exporting, Note
 from anaplot.exchange.formats.gathered import not_held, rays_that_count
-from anaplot.exchange.formats.measuredrays import measured_places
 from anaplot.exchange.formats.xmlstream import xml_text
 from anaplot.photogrammetry.block import Camera, ControlPoint
 from anaplot.photogrammetry.groundsystem import GroundSystem
+from anaplot.photogrammetry.measuredimage import measured_places
 from anaplot.photogrammetry.rotation import rotation_matrix
 from anaplot.textfiles.wording import quoted
 

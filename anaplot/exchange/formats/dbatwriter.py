@@ -7,10 +7,10 @@ from pathlib import Path
 from anaplot.errors import InputError
 from anaplot.exchange.formats.door import Exported, Exporting, Note
 from anaplot.exchange.formats.gathered import not_held, rays_that_count
-from anaplot.exchange.formats.measuredrays import measured_places
 from anaplot.exchange.formats.pixeltables import CONTROL_COLUMNS, IMAGE_COLUMNS, NAME_COLUMNS
 from anaplot.exchange.formats.xmlstream import xml_text
 from anaplot.photogrammetry.block import Block, Camera
+from anaplot.photogrammetry.measuredimage import measured_places
 from anaplot.textfiles.wholefile import create_folder
 from anaplot.textfiles.wording import quoted
 

@@ -15,7 +15,7 @@ from anaplot.exchange.controlcsv import format_control
 from anaplot.exchange.formats.door import Exported, Exporting, Imported, ImportOptions, Note
 from anaplot.exchange.formats.gathered import not_held
 from anaplot.exchange.formats.groundlist import read_ground
-from anaplot.exchange.formats.measuredrays import MeasuredRay, image_points_of, measured_places
+from anaplot.exchange.formats.measuredrays import MeasuredRay, image_points_of
 from anaplot.exchange.formats.namedcolumns import ColumnTable, open_columns, plain_title
 from anaplot.exchange.formats.sourcelines import SourceLine, source_lines
 from anaplot.exchange.formats.statedcameras import needed_camera, stated_cameras
@@ -28,6 +28,7 @@ from anaplot.photogrammetry.block import (
     Use,
 )
 from anaplot.photogrammetry.camera import CameraCalibration
+from anaplot.photogrammetry.measuredimage import measured_places
 from anaplot.textfiles.csvtable import csv_text
 from anaplot.textfiles.names import name_fault
 from anaplot.textfiles.wholefile import create_folder
