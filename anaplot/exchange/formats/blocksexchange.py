@@ -170,6 +170,7 @@ def read(source: Path, options: ImportOptions) -> Imported:
 def _gathered(source: Path) -> _Found:
     found = _Found()
     photos: list[Element] = []
+    taken: dict[str, int] = {}
     ids: list[tuple[Element, str]] = []
     many = 0
     for one in elements(source, ROOT, _WANTED.values()):
@@ -185,7 +186,7 @@ def _gathered(source: Path) -> _Found:
                 raise one.at.fail(f"more than {_MOST_KEPT} Photos")
             photos.append(one)
         elif one.name == "Photogroup":
-            name = _camera_name(one, found)
+            name = _camera_name(one, f"group {len(found.groups) + 1}", taken)
             found.groups.append((group_of(one, name), photos))
             ids += _own_system(one)
             photos = []
@@ -211,15 +212,16 @@ def _own_system(one: Element) -> list[tuple[Element, str]]:
     return [] if text is None else [(one, text)]
 
 
-def _camera_name(group: Element, found: _Found) -> str:
-    name = group.value("Name") or f"group {len(found.groups) + 1}"
-    group.at.name_of(name, "Photogroup")
-    known = {one.camera.id for one, _ in found.groups}
-    number, made = 2, name
-    while made in known:
-        made = f"{name} {number}"
+def _camera_name(group: Element, otherwise: str, taken: dict[str, int]) -> str:
+    """Return a name that no other group has, and note it with the number that it got last."""
+    name = group.at.name_of(group.value("Name") or otherwise, "Photogroup")
+    number, made = taken.get(name, 1), name
+    while made in taken:
         number += 1
-    return made
+        made = f"{name} {number}"
+    taken[name] = number
+    taken.setdefault(made, 1)
+    return group.at.name_of(made, "Photogroup")
 
 
 def _photos(

@@ -366,3 +366,25 @@ def test_more_photos_than_are_kept_are_one_line(
     )
     with pytest.raises(InputError, match=r"line 4: more than 2 Photos"):
         blocksexchange.read(file, ImportOptions())
+
+
+def test_groups_of_one_name_are_cameras_of_their_own(tmp_path: Path) -> None:
+    names = ("DJI", "DJI 2", "DJI", "", "DJI", "group 4", "DJI")
+    groups = "".join(
+        f"<Photogroup><Name>{name}</Name><ImageDimensions><Width>4000</Width>"
+        f"<Height>3000</Height></ImageDimensions><FocalLengthPixels>{3000 + k}</FocalLengthPixels>"
+        f"<Photo><Id>{k}</Id><ImagePath>p{k}.jpg</ImagePath></Photo></Photogroup>"
+        for k, name in enumerate(names)
+    )
+    seen = "".join(
+        f"<Measurement><PhotoId>{k}</PhotoId><x>9</x><y>9</y></Measurement>" for k in range(7)
+    )
+    file = tmp_path / "b.xml"
+    file.write_text(
+        f"<BlocksExchange><Block><Photogroups>{groups}</Photogroups>"
+        f"<TiePoints><TiePoint>{seen}</TiePoint></TiePoints></Block></BlocksExchange>"
+    )
+    cameras = blocksexchange.read(file, ImportOptions()).block.cameras
+    made = ("DJI", "DJI 2", "DJI 3", "group 4", "DJI 4", "group 4 2", "DJI 5")
+    assert [camera.id for camera in cameras] == list(made)
+    assert [round(1000.0 * camera.c) for camera in cameras] == list(range(3000, 3007))
