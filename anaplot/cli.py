@@ -419,7 +419,7 @@ def command_parser() -> CommandParser:
         _compare,
         "what has moved between two or more epochs, and when",
         "anaplot compare spring autumn",
-        "anaplot compare spring summer autumn --csv moved.csv",
+        "anaplot compare spring summer autumn --csv moved.csv --report moved.html",
     )
     add_compare_arguments(compare)
 

@@ -120,6 +120,6 @@ def test_the_examples_do_what_they_say(place: Path, capsys: pytest.CaptureFixtur
         given = words(example)
         if not {"-o", "--to"} & set(given):
             assert said.out, example
-        for option in ("-o", "--csv", "--to"):
+        for option in ("-o", "--csv", "--to", "--report"):
             if option in given:
                 assert Path(given[given.index(option) + 1]).exists(), example
