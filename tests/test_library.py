@@ -117,7 +117,7 @@ def test_nothing_is_loaded_before_it_is_used() -> None:
 
 # --- keywords -------------------------------------------------------------------------------
 
-SHOWN = {"json", "all", "csv", "tables", "report", "fail_on_flag", "list"}
+SHOWN = {"json", "all", "csv", "tables", "report", "figures", "angles", "fail_on_flag", "list"}
 COMMANDS: dict[str, tuple[Callable[..., Any], Callable[[ArgumentParser], None], set[str]]] = {
     "bridge": (anaplot.bridge, add_bridge_arguments, SHOWN),
     "adjust": (anaplot.adjust, add_adjust_arguments, SHOWN),

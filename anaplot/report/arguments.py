@@ -56,6 +56,17 @@ def add_report_page(parser: argparse.ArgumentParser) -> None:
         metavar="FILE.html",
         help="write the result as one page that stands by itself: verdict, figures, tables",
     )
+    parser.add_argument(
+        "--figures",
+        type=Path,
+        metavar="FOLDER",
+        help="with --report: write every figure of the page as an SVG file too",
+    )
+    parser.add_argument(
+        "--angles",
+        choices=("deg", "gon"),
+        help="with --report: unit of angles on the page, default deg",
+    )
 
 
 def add_matrix(parser: argparse.ArgumentParser) -> None:

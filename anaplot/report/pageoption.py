@@ -9,12 +9,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
+from anaplot.errors import InputError
 from anaplot.report.computed import Computed
 from anaplot.report.document import BLANK, Document
 from anaplot.report.keywords import Declare, chosen_options, declared_options
 from anaplot.report.progress import working
 
 if TYPE_CHECKING:
+    from anaplot.report.html.angles import AngleUnit
     from anaplot.report.html.parts import Report
     from anaplot.report.html.sections.provenance import InputFile
 
@@ -42,6 +44,10 @@ class AskedPage:
         Those that there are, with their checksums before anything is computed.
     report
         Makes it.
+    figures
+        A folder for its drawings, each as a file; None: they are in the page alone.
+    angles
+        Unit of angles in its tables.
     """
 
     path: Path | None
@@ -50,6 +56,8 @@ class AskedPage:
     reads: tuple[Path, ...]
     files: tuple[InputFile, ...]
     report: MakesPage
+    figures: Path | None = None
+    angles: AngleUnit = "deg"
 
     @classmethod
     def of(
@@ -78,17 +86,21 @@ class AskedPage:
         Raises
         ------
         InputError
-            It cannot be written, or is no earlier report.
+            It cannot be written, or is no earlier report; options that go with a page, and none.
         """
         if options.report is None:
+            if options.figures is not None or options.angles is not None:
+                raise InputError("--figures and --angles go with --report")
             return cls(None, "", {}, (), (), report)
         from anaplot.report.html.sections.provenance import checked_files
         from anaplot.report.html.write import check_report
 
-        check_report(options.report)
+        check_report(options.report, options.figures)
         chosen, there = chosen_options(declare, options), tuple(reads())
         typed = as_typed(command, declare, options)
-        return cls(options.report, typed, chosen, there, checked_files(there), report)
+        files = checked_files(there)
+        angles: AngleUnit = options.angles or "deg"
+        return cls(options.report, typed, chosen, there, files, report, options.figures, angles)
 
     @property
     def uses(self) -> Mapping[str, tuple[Path, ...]]:
@@ -107,6 +119,7 @@ class AskedPage:
         document = found.document
         if self.path is None:
             return document
+        from anaplot.report.html.angles import with_angles_in
         from anaplot.report.html.sections.definitions import with_definitions
         from anaplot.report.html.sections.provenance import (
             checked_files,
@@ -122,7 +135,8 @@ class AskedPage:
             unchanged(self.files, checked_files(self.reads))
             made = provenance(self.command, self.options, self.files)
             report = replace(self.report(found), provenance=provenance_section(made))
-            written = write_report(with_definitions(report), self.path)
+            report = with_definitions(with_angles_in(report, self.angles))
+            written = write_report(report, self.path, self.figures)
         told = {**written_answer(written), "provenance": provenance_answer(made)}
         return replace(
             document,

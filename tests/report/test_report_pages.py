@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import re
 import shlex
 from dataclasses import replace
@@ -85,6 +86,14 @@ def test_a_strip_in_five_lines(tmp_path: Path, capsys) -> None:
     assert "strip.html: written" in printed.stdout
     plain = here(capsys, "bridge", folder, "--json")
     assert json.loads(plain.stdout) == {k: v for k, v in told.items() if k != "report"}
+    figures = tmp_path / "figures"
+    more = ("--figures", figures, "--angles", "gon")
+    one_line(here(capsys, "bridge", folder, *more), 2, "go with --report")
+    in_gon = here(capsys, "bridge", folder, "--report", page, *more)
+    assert f"2 figures in {figures}" in in_gon.stdout
+    assert len(list(figures.glob("*.svg"))) == 2
+    gon = told["strips"][0]["models"][0]["rotation"]["kappa"] * 200.0 / math.pi
+    assert f"<td>{gon:.5f}</td>" in page.read_text(encoding="utf-8")
     before = page.read_bytes()
     page.write_text("mine")
     one_line(here(capsys, "bridge", folder, "--report", page), 2, "is no report")
