@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from svgs import SVG, paths, runs, sound, texts
+from svgs import SVG, parsed, paths, runs, sound, texts
 
 from anaplot.adjustment.testdistribution import TestDistribution
 from anaplot.bundle.adjust import adjust_block, adjust_problem
@@ -17,6 +17,7 @@ from anaplot.photogrammetry.block import ImagePoint, TestSettings
 from anaplot.planning.syntheticblock import synthetic_block
 from anaplot.report.figures import blockmap, groundview, pointmaps
 from anaplot.report.figures.blockmap import block_map
+from anaplot.report.figures.imageunits import image_units
 from anaplot.report.figures.pointmaps import (
     accuracy_maps,
     detectable_map,
@@ -247,3 +248,43 @@ def test_large_blocks_are_thinned_and_say_so(
     assert re.search(r"\d of 8 projection centres are drawn", notes)
     assert re.search(r"\d of \d+ error ellipses are drawn", notes)
     assert re.search(r"\d+ of \d+ points are drawn", redundancy_map(block).description)  # type: ignore[union-attr]
+
+
+def test_the_curve_is_what_the_distribution_lets_expect(block: AdjustedBlock) -> None:
+    drawing = histogram_of_w(block.tested, image_coordinates(block), key="w", what="rays")
+    assert drawing is not None
+    root = sound(drawing)
+    (curve, *_) = sorted(paths(root, "l-series-2"), key=len, reverse=True)
+    at = runs(curve)[0]
+    w = block.w[np.isfinite(block.w)]
+    (bars,) = paths(root, "gap")
+    found = runs(bars)
+    floor = max(one[:, 1].max() for one in found)
+    counts, edges = np.histogram(w, 0.5 * np.arange(-16, 17))
+    highest = int(counts.max())
+    unit = (floor - min(one[:, 1].min() for one in found)) / highest
+    expected = len(w) * float(np.diff(TestDistribution(None).below(np.array([-0.25, 0.25])))[0])
+    assert floor - at[:, 1].min() == pytest.approx(unit * expected, abs=0.2)
+    assert len(edges) == len(counts) + 1
+    # the critical values are within
+    assert {"−3.29", "3.29"} <= set(texts(root))
+
+
+def test_images_without_a_size_of_their_pixels_are_in_px(block: AdjustedBlock) -> None:
+    measured = block.problem.block
+    assert image_units(measured) == ("µm", "mm", 1.0)
+    cameras = tuple(replace(one, pixels=(230_000, 230_000)) for one in measured.cameras)
+    unsized = adjust_block(replace(measured, cameras=cameras))
+    assert image_units(unsized.problem.block) == ("px", "px", 1000.0)
+    drawing = photo_residuals(unsized, "101")
+    sized = photo_residuals(block, "101")
+    assert drawing is not None
+    assert sized is not None
+    root = sound(drawing)
+    assert {"x [px]", "y [px]"} <= set(texts(root))
+    assert "µm" not in drawing.svg
+    # the same picture: a pixel counts as 1 um
+    arrows = [
+        [d for d in paths(parsed(one.svg), "l-series-1") if "m" in d] for one in (drawing, sized)
+    ]
+    assert arrows[0] == arrows[1]

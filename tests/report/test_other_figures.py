@@ -66,6 +66,7 @@ def test_the_figure_of_ten_points_has_the_transfers_of_1983() -> None:
     shown = texts(root)
     assert "y→y −0.34" in shown or "y→y −0.33" in shown
     assert "y 0.26  x 0.62" in shown
+    assert sum("→" in one for one in shown) == 8  # every value has room
     heavy = [one for d in paths(root, "bold") for one in runs(d) if len(one) == 2]
     # 1 to 12 and 3 to 23, and the one in the legend
     assert len(heavy) == 3
