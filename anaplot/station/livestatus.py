@@ -90,8 +90,9 @@ class LiveStatus:
             self._tables, self._models, self._suspected = tables, state.models, suspected
             self._recomputed = recomputed
             accepted = {model.photos: model for model in state.models}
+            anew = frozenset(one.name for one in recomputed)
             self._strips = tuple(
-                self._strip(strip, accepted, tables, suspected) for strip in block.strips
+                self._strip(strip, accepted, tables, suspected, anew) for strip in block.strips
             )
         strips = self._strips
         if state.current is not None:
@@ -113,11 +114,12 @@ class LiveStatus:
         accepted: dict[Photos, ModelState],
         tables: ModelTables,
         suspected: frozenset[str],
+        anew: frozenset[str],
     ) -> StripStatus:
         return StripStatus(
             strip.id,
             tuple(
-                self._model(photos, accepted.get(photos), tables, suspected)
+                self._model(photos, accepted.get(photos), tables, suspected, anew)
                 for photos in strip.models()
             ),
         )
@@ -128,14 +130,15 @@ class LiveStatus:
         accepted: ModelState | None,
         tables: ModelTables,
         suspected: frozenset[str],
+        anew: frozenset[str],
     ) -> ModelStatus:
         if accepted is None and photos not in self._there:
             return ModelStatus(*photos, "open")
-        wrong = "/".join(photos) in suspected
+        name = "/".join(photos)
+        wrong = name in suspected
         table = tables.get(photos)
         if table is not None and table.measured is accepted:
-            anew = any(one.name == "/".join(photos) for one in self._recomputed)
-            stands = standing(table.solution, suspected=wrong, recomputed=anew)
+            stands = standing(table.solution, suspected=wrong, recomputed=name in anew)
             return with_table(photos, stands, table.solution, accepted, table.why)
         if self._newest is not None and self._newest[0] is accepted:
             solution = self._newest[1]
