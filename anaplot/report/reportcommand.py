@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import shlex
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -34,6 +33,7 @@ from anaplot.report.html.written import written_answer, written_lines
 from anaplot.report.keywords import chosen_options
 from anaplot.report.lengthunits import in_px, without_pixel_size
 from anaplot.report.output import Output
+from anaplot.report.pageoption import as_typed
 from anaplot.report.progress import working
 from anaplot.report.reportarguments import add_report_arguments
 from anaplot.report.running import computed
@@ -65,7 +65,11 @@ def run_report(options: argparse.Namespace) -> int:
     with working("the page"):
         plates = block_plates(options.block, options.fiducials)
         unchanged(files, checked_files(computing))
-        made = provenance(_command(options), chosen_options(add_report_arguments, options), files)
+        made = provenance(
+            as_typed("report", add_report_arguments, options),
+            chosen_options(add_report_arguments, options),
+            files,
+        )
         material = Material(found, options.block, plates)
         report = _report(material, made, options.angles)
         written = write_report(report, options.output, options.figures, most_rows=options.rows)
@@ -122,10 +126,6 @@ def _report(material: Material, made: Provenance, angles: AngleUnit) -> Report:
         say("Adjusted as one bundle by anaplot {}, {}", made.versions["anaplot"], made.time),
     )
     return with_definitions(with_angles_in(report, angles))
-
-
-def _command(options: argparse.Namespace) -> str:
-    return " ".join(["anaplot", options.command, shlex.quote(str(options.block))])
 
 
 def _named_files(options: argparse.Namespace) -> Iterator[Path]:
