@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from anaplot.cli import main
+from anaplot.console.reportwriting import reports_of
 from anaplot.errors import InputError, NotComputableError
 from anaplot.exchange.blockfolder import read_block
 from anaplot.exchange.blockpack import pack_block
@@ -73,7 +74,11 @@ def test_the_datum_is_that_of_the_call(folder: Path, monkeypatch: pytest.MonkeyP
 
     monkeypatch.setattr("anaplot.report.keptreport.adjust", noting)
     keep_report(folder, datum="free")
-    assert asked == ["free"]
+    # the console's key asks by whether the block is free of control
+    write = reports_of(folder)
+    pages = [write(free=free, progress=lambda *_: None) for free in (True, False)]
+    assert asked == ["free", "free", "control"]
+    assert all(page.parent == folder / REPORTS and page.exists() for page in pages)
 
 
 def test_a_block_that_cannot_be_adjusted_leaves_nothing(folder: Path) -> None:
