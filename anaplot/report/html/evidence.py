@@ -7,8 +7,11 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from anaplot.errors import InputError
+from anaplot.exchange.blockfolder import check_for_bridge
+from anaplot.orientation.strip import bridge as bridge_strips
+from anaplot.photogrammetry.block import Block
 from anaplot.report.blockadjustment import BlockAdjustment
-from anaplot.report.bridgecommand import bridge
+from anaplot.report.bridgecommand import BridgedBlock, bridge_document
 from anaplot.report.computed import Computed
 from anaplot.report.document import say
 from anaplot.report.figures.bridged import figures_of_models
@@ -88,7 +91,8 @@ def _sections(
     yield parameter_matrix_section(answer, parameter_matrix(found.result.block))
     yield rejected_section(found.result)
     if folder is not None and found.result.block.problem.block.strips:
-        yield _models(folder, image_units(found.result.block.problem.block).small)
+        block = found.result.block.problem.block
+        yield _models(block, image_units(block).small)
     yield inner_section(plates)
     yield switched_off_section(answer)
     if folder is not None:
@@ -99,13 +103,15 @@ def _has_journal(folder: Path) -> bool:
     return os.path.lexists(folder / "sessions")
 
 
-def _models(folder: Path, unit: str) -> Section | None:
+def _models(block: Block, unit: str) -> Section | None:
+    """Return the models as `bridge` has them; accidents are looked for once, for the verdict."""
     try:
-        bridged = bridge(folder)
+        check_for_bridge(block)
+        strips = bridge_strips(block)
     except InputError as error:
         return Section("models", "Models", (say("Strips are not bridged: {}", str(error)),))
-    figure = figures_of_models(bridged.result, unit)
-    return models_section(bridged.document.answer, figure)
+    figure = figures_of_models(BridgedBlock(tuple(strips)), unit)
+    return models_section(bridge_document(block, strips).answer, figure)
 
 
 def _protocol(folder: Path) -> Section:
