@@ -58,7 +58,9 @@ def test_the_verdict_in_the_picture_of_the_report_is_that_of_today(tmp_path: Pat
     png = (FOLDER / PAGE).read_bytes()
     assert png.startswith(b"\x89PNG\r\n\x1a\n")
     assert len(png) < LARGEST
-    _, verdict = written_report(tmp_path)
+    page, verdict = written_report(tmp_path)
+    above, _ = page.read_text(encoding="utf-8").split("Sound", 1)
+    assert not re.search(r"\d{4}-\d\d-\d\d|\d\d:\d\d", re.sub(r"(?s)<head>.*</head>", "", above))
     assert len(verdict.splitlines()) == 5
     assert told(png) == verdict, "python tests/pictures.py docs/pictures --browser chromium"
 
