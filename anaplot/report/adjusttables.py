@@ -6,20 +6,34 @@ angles in degrees and effects on the ground in millimetres.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+import math
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from math import hypot, pi
-from typing import Any, TypeAlias
+from itertools import chain
+from math import pi
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
 
 from anaplot.adjustment.tested import Observation
+from anaplot.aliases import Array, Bools
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.comparedconditions import compared_conditions
 from anaplot.bundle.solve.externalreliability import ExternalReliability, LargestEffect
 from anaplot.bundle.solve.observations import ObservationName
 from anaplot.bundle.solve.parametercorrelations import ORIENTATION_PAIRS, photo_correlations
 from anaplot.bundle.solve.photochecks import photo_checks, photo_overlaps
-from anaplot.report.columns import fitted
-from anaplot.report.document import Column, Table, for_programs, name, number, table, whole
+from anaplot.report.document import (
+    Column,
+    Table,
+    Values,
+    for_programs,
+    name,
+    number,
+    table,
+    whole,
+)
 
 __all__ = [
     "check_table",
@@ -44,13 +58,9 @@ _UNITS = {"X": "m", "Y": "m", "Z": "m", "omega": "rad", "phi": "rad", "kappa": "
 _XYZ = ("X", "Y", "Z")
 
 
-def _millimetres(width: int) -> Callable[[Sequence[float]], str]:
-    """Return what writes the length of a vector in metres."""
-    return lambda vector: fitted(hypot(*vector) * 1e3, 2, width - 1)
-
-
 def _vector(key: str, title: str, width: int) -> Column:
-    return Column(key, title, width, form=_millimetres(width), unit="m", parts=_XYZ)
+    """Return a column of vectors in metres, of which people read the length in millimetres."""
+    return Column(key, title, width, 2, unit="m", scale=1e3, parts=_XYZ)
 
 
 def _mark(word: str) -> Callable[[bool], str]:
@@ -361,7 +371,7 @@ def image_point_table(
         columns = (*columns, *for_programs("rejected", "rejected_axes"))
     if _any_off(block):
         columns = (*columns, *for_programs("use"))
-    return table("image_points", columns, lambda: _image_points(block, external, rejected))
+    return Table("image_points", columns, lambda: _image_points(block, external, rejected))
 
 
 def _any_off(block: AdjustedBlock) -> bool:
@@ -370,28 +380,111 @@ def _any_off(block: AdjustedBlock) -> bool:
 
 def _image_points(
     block: AdjustedBlock, external: ExternalReliability, rejected: dict[int, list[str]] | None
-) -> Iterator[tuple[Any, ...]]:
-    found = {
-        row.row: (row, effects)
-        for row, effects in zip(block.ray_rows(), external.rays, strict=True)
-    }
-    nothing = (None,) * (len(_IMAGE_POINTS) - 6)
-    off, uses = block.off_rays(), _any_off(block)
-    for k, one in enumerate(block.problem.block.image_points):
-        cells: tuple[Any, ...] = (*off.get(k, (None, None)), *nothing, False)
-        if k in found:
-            row, effects = found[k]
-            x, y = row.xy
-            cells = (
-                x.residual, y.residual, x.r if x.use else None, y.r if y.use else None, x.w, y.w,
-                x.mdb, y.mdb, x.ground, y.ground, *_effect(x, effects[0]), *_effect(y, effects[1]),
-                row.flagged,
-            )  # fmt: skip
-        if rejected is not None:
-            cells = (*cells, k in rejected, rejected.get(k, []))
-        if uses:
-            cells = (*cells, one.use)
-        yield one.photo, one.point, one.model, *cells
+) -> tuple[Values, ...]:
+    """Return the columns of `_IMAGE_POINTS` and what follows them, a row for each of the file."""
+    points = block.problem.block.image_points
+    n = len(points)
+    found, rays = _of_rays(block, external), np.sort(block.problem.source)
+    residual = np.full((n, 2), np.nan)
+    off = block.off_rays()
+    residual[list(off)] = np.array(list(off.values())).reshape(-1, 2)
+    residual[rays] = found.residual
+
+    def spread(values: Array) -> Array:
+        whole = np.full((n, *values.shape[1:]), np.nan)
+        whole[rays] = values
+        return whole
+
+    def placed(values: list[Any]) -> list[Any]:
+        whole: list[Any] = [None] * n
+        for k, value in zip(rays.tolist(), values, strict=True):
+            whole[k] = value
+        return whole
+
+    flagged = np.zeros(n, dtype=bool)
+    flagged[rays] = found.flagged.any(axis=1)
+    columns: list[Values] = [
+        [one.photo for one in points],
+        [one.point for one in points],
+        [one.model for one in points],
+        *residual.T,
+        *spread(found.r).T,
+        *spread(found.w).T,
+        *spread(found.mdb).T,
+        *(spread(found.ground[:, axis]) for axis in range(2)),
+    ]
+    for axis in range(2):
+        columns += [
+            placed(found.moved[axis]),
+            placed(found.at[axis]),
+            spread(found.effect[:, axis]),
+        ]
+    columns.append(flagged)
+    if rejected is not None:
+        columns.append([k in rejected for k in range(n)])
+        columns.append([rejected.get(k, []) for k in range(n)])
+    if _any_off(block):
+        columns.append([one.use for one in points])
+    return tuple(columns)
+
+
+class _OfRays(NamedTuple):
+    """What is known of the m rays that take part, in the order of the file.
+
+    Attributes
+    ----------
+    residual, r, w, mdb, effect
+        (m, 2) of x and y; NaN where it does not exist, r also where the coordinate does not count.
+    ground
+        (m, 2, 3) what an undetected error does to the ray's point [m].
+    flagged, use
+        (m, 2) which coordinates are flagged, and which count.
+    moved, at
+        Of x and of y: largest effects on a point [m], and which points these are; None where there
+        is none.
+    """
+
+    residual: Array
+    r: Array
+    w: Array
+    mdb: Array
+    effect: Array
+    ground: Array
+    flagged: Bools
+    use: Bools
+    moved: tuple[list[Any], list[Any]]
+    at: tuple[list[Any], list[Any]]
+
+
+def _of_rays(block: AdjustedBlock, external: ExternalReliability) -> _OfRays:
+    tested, order = block.tested, np.argsort(block.problem.source)
+    count = 2 * len(order)
+
+    def of(values: NDArray[Any]) -> NDArray[Any]:
+        taken: NDArray[Any] = values[:count].reshape(-1, 2, *values.shape[1:])[order]
+        return taken
+
+    def known(values: Array) -> Array:
+        taken = of(values)
+        return np.where(np.isfinite(taken), taken, np.nan)
+
+    use = of(tested.use)
+    ground = np.full((count, 3), np.nan) if tested.ground is None else tested.ground
+    effects = [[pair[axis] for pair in external.rays] for axis in range(2)]
+    x, y = ([None if one is None else one.effect_m for one in each] for each in effects)
+    at_x, at_y = ([None if one is None else one.point for one in each] for each in effects)
+    return _OfRays(
+        of(tested.residual),
+        np.where(use, of(tested.r), np.nan),
+        known(tested.w),
+        known(tested.mdb),
+        known(tested.effect),
+        of(ground),
+        of(tested.flagged),
+        use,
+        (x, y),
+        (at_x, at_y),
+    )
 
 
 _RAYS = (
@@ -410,28 +503,53 @@ _RAYS = (
 
 def ray_table(block: AdjustedBlock, external: ExternalReliability) -> Table:
     """Return the image coordinates that take part or are switched off, for people: a row each."""
-    return table("rays", _RAYS, lambda: _rays(block, external))
+    return Table("rays", _RAYS, lambda: _rays(block, external))
 
 
-def _rays(block: AdjustedBlock, external: ExternalReliability) -> Iterator[tuple[Any, ...]]:
-    rays = zip(block.ray_rows(), external.rays, strict=True)
-    following = next(rays, None)
-    off = block.off_rays()
-    for k, ray in enumerate(block.problem.block.image_points):
-        if ray.use == "off":
-            for axis, v in zip("xy", off.get(k, (None, None)), strict=True):
-                yield (ray.photo, ray.point, axis, v, *(None,) * 7, "off")
-        if following is None or following[0].row != k:
-            continue
-        row, effects = following
-        following = next(rays, None)
-        for one, effect in zip(row.xy, effects, strict=True):
-            verdict = "not testable" if one.mdb is None else ""
-            if one.flagged:
-                verdict = "<< REMEASURE"
-            if not one.use:
-                verdict = "rejected" if ray.counts(one.axis) else "off"
-            yield (
-                row.photo, row.point, one.axis, one.residual, one.r if one.use else None, one.w,
-                one.mdb, one.ground, *_effect(one, effect), verdict,
-            )  # fmt: skip
+_OFF_WORD, _REJECTED_WORD = "off", "rejected"
+
+
+def _rays(block: AdjustedBlock, external: ExternalReliability) -> tuple[Values, ...]:
+    """Return the columns of `_RAYS`, two rows for each ray that takes part or is switched off."""
+    points = block.problem.block.image_points
+    found, rays = _of_rays(block, external), np.sort(block.problem.source)
+    residuals = block.off_rays()
+    off = np.array([k for k, one in enumerate(points) if one.use == "off"], dtype=np.intp)
+    order = np.argsort(np.concatenate((off, rays)), kind="stable")
+    rows = np.concatenate((off, rays))[order].tolist()
+    nothing = (math.nan, math.nan)
+    aside = np.array([residuals.get(k, nothing) for k in off.tolist()]).reshape(-1, 2)
+
+    def woven(values: Array, others: Array | None = None) -> Array:
+        """Return (2 k, ...) values of x and y, ray by ray."""
+        before = np.full((len(off), *values.shape[1:]), np.nan) if others is None else others
+        whole: Array = np.concatenate((before, values))[order]
+        return whole.reshape(-1, *values.shape[2:])
+
+    def placed(xy: Sequence[Sequence[Any]], before: Any = None) -> list[Any]:
+        pairs = [(before, before)] * len(off) + list(zip(*xy, strict=True))
+        return list(chain.from_iterable(pairs[k] for k in order.tolist()))
+
+    def doubled(names: Iterable[str]) -> list[str]:
+        return [name for name in names for _ in range(2)]
+
+    words = np.full(found.use.shape, "", dtype=object)
+    words[np.isnan(found.mdb)] = "not testable"
+    words[found.flagged] = "<< REMEASURE"
+    for k, axis in np.argwhere(~found.use).tolist():
+        counts = points[rays[k]].counts("xy"[axis])
+        words[k, axis] = _REJECTED_WORD if counts else _OFF_WORD
+    return (
+        doubled(points[k].photo for k in rows),
+        doubled(points[k].point for k in rows),
+        ["x", "y"] * len(rows),
+        woven(found.residual, aside),
+        woven(found.r),
+        woven(found.w),
+        woven(found.mdb),
+        woven(found.ground),
+        placed(found.moved),
+        placed(found.at),
+        woven(found.effect),
+        placed(words.T.tolist(), _OFF_WORD),
+    )

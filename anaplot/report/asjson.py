@@ -6,15 +6,18 @@ Whole columns are written at once, which is ten times as quick as a number at a 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from itertools import chain
 from json.encoder import encode_basestring_ascii
+from types import NoneType
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from anaplot.report.document import Answer, Table, Values
+from anaplot.report.document import Answer, Column, Table, Values
 
 __all__ = ["json_text"]
+
+_INFINITE = "infinity does not stand in JSON"
 
 
 def json_text(answer: Answer) -> str:
@@ -44,16 +47,14 @@ def _value(value: Any, level: int) -> str:
     if isinstance(value, Mapping):
         cells = [f"{encode_basestring_ascii(k)}: {_value(v, level + 1)}" for k, v in value.items()]
         return _laid_out("{", cells, "}", level)
-    if isinstance(value, np.ndarray):
-        return _laid_out("[", _column(value, level + 1), "]", level)
-    return _laid_out("[", [_value(inner, level + 1) for inner in value], "]", level)
+    return _laid_out("[", _items(value, level + 1), "]", level)
 
 
 def _float(value: float) -> str:
     if value != value:
         return "null"
     if value in (np.inf, -np.inf):
-        raise ValueError("infinity does not stand in JSON")
+        raise ValueError(_INFINITE)
     return float.__repr__(value)
 
 
@@ -71,23 +72,54 @@ def _table(table: Table, level: int) -> str:
     keys = (encode_basestring_ascii(column.key).replace("%", "%%") for column, _ in columns)
     cells = [f"{key}: %s" for key in keys]
     row = _laid_out("{", cells, "}", level + 1)
-    texts = [_column(values, level + 2) for _, values in columns]
+    texts = [_cells(column, values, level + 2) for column, values in columns]
     pad = "\n" + " " * (level + 1)
-    whole = ("," + pad).join([row] * len(table)) % tuple(
-        chain.from_iterable(zip(*texts, strict=True))
-    )
-    return "[" + pad + whole + "\n" + " " * level + "]"
+    rows = zip(*texts, strict=True)
+    return "[" + pad + ("," + pad).join(map(row.__mod__, rows)) + "\n" + " " * level + "]"
 
 
-def _column(values: Values, level: int) -> list[str]:
-    """Return the cells of a column as JSON."""
-    if not isinstance(values, np.ndarray):
-        return [_value(value, level) for value in values]
-    if values.ndim > 1 or values.dtype.kind not in "fiub":
-        return [_value(value, level) for value in values.tolist()]
-    plain = values.tolist()
-    if values.dtype.kind == "b":
-        return ["true" if value else "false" for value in plain]
-    if values.dtype.kind == "f" and not np.isfinite(values).all():
-        return [_float(value) for value in plain]
-    return list(map(repr, plain))
+def _cells(column: Column, values: Values, level: int) -> list[str]:
+    """Return the cells of a column."""
+    if column.parts and isinstance(values, np.ndarray):
+        return _vectors(values, level)
+    return _items(values, level)
+
+
+def _items(values: Values, level: int) -> list[str]:
+    """Return values one by one, or all at once where they are of one kind."""
+    if isinstance(values, np.ndarray):
+        if values.ndim == 1 and values.dtype.kind == "f":
+            return _numbers(values)
+        values = values.tolist()
+    kinds = set(map(type, values))
+    if kinds == {str}:
+        return list(map(encode_basestring_ascii, values))
+    if kinds == {int}:
+        return list(map(repr, values))
+    if kinds <= {float, NoneType}:
+        return _numbers(np.array(values, dtype=float))
+    if kinds == {str, NoneType}:
+        return ["null" if v is None else encode_basestring_ascii(v) for v in values]
+    if kinds == {bool}:
+        return ["true" if v else "false" for v in values]
+    return [_value(value, level) for value in values]
+
+
+def _numbers(values: NDArray[Any]) -> list[str]:
+    cells = list(map(repr, values.tolist()))
+    if not np.isfinite(values).all():
+        if np.isinf(values).any():
+            raise ValueError(_INFINITE)
+        for k in np.flatnonzero(np.isnan(values)).tolist():
+            cells[k] = "null"
+    return cells
+
+
+def _vectors(values: NDArray[Any], level: int) -> list[str]:
+    """Return vectors, null for those that do not exist."""
+    size = values.shape[1]
+    row = _laid_out("[", ["%s"] * size, "]", level)
+    cells = list(map(row.__mod__, zip(*[iter(_numbers(values.ravel()))] * size, strict=True)))
+    for k in np.flatnonzero(np.isnan(values).all(axis=1)).tolist():
+        cells[k] = "null"
+    return cells

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import textwrap
 from collections.abc import Iterable, Iterator
 from itertools import chain, compress
@@ -9,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from anaplot.aliases import Index
+from anaplot.aliases import Array, Index
 from anaplot.report.columns import PAGE, cell, column, fitted, shortened, wrapped
 from anaplot.report.document import Block, Column, Figure, Line, Listed, Names, Table, Value, Values
 from anaplot.textfiles.wording import plain
@@ -213,11 +214,18 @@ def cell_texts(column: Column, values: Values, chosen: Index, n: int) -> list[st
     else:
         some = values if len(chosen) == n else [values[k] for k in chosen.tolist()]
     if column.decimals is not None:
-        return _numbers(np.asarray(some, dtype=float) * column.scale, column)
+        numbers = _lengths(some) if column.parts else np.asarray(some, dtype=float)
+        return _numbers(numbers * column.scale, column)
     each = some.tolist() if isinstance(some, np.ndarray) else some
     write = str if column.form is None else column.form
     texts = [column.none if v is None else write(v) for v in each]
     return texts if "".join(texts).isprintable() else [plain(text) for text in texts]
+
+
+def _lengths(values: Values) -> Array:
+    """Return the lengths of vectors; NaN of those that do not exist."""
+    each = values.tolist() if isinstance(values, np.ndarray) else values
+    return np.array([math.nan if v is None else math.hypot(*v) for v in each], dtype=float)
 
 
 def _numbers(values: Any, column: Column) -> list[str]:

@@ -38,6 +38,7 @@ __all__ = [
     "say",
     "stacked",
     "table",
+    "vectors",
     "whole",
 ]
 
@@ -163,7 +164,7 @@ class Column:
         Characters of a cell: of numbers with the blank before it; of names the least, without the
         blanks before them. None: for programs only.
     decimals
-        Of a number; a large one has fewer.
+        Of a number, or of the length of a vector; a large one has fewer.
     form
         Writes a value, where `decimals` do not.
     unit
@@ -243,8 +244,9 @@ class Table:
     columns
         In the order of JSON and CSV.
     source
-        Of each column n values: an array (n,) or (n, k), or a sequence. NaN and None: it does not
-        exist. Or a function that returns them: it is called where they are shown, once.
+        Of each column n values: an array (n,) or (n, k), or a sequence. NaN, None, and a vector of
+        nothing but NaN: it does not exist. Or a function that returns them: it is called where they
+        are shown, once.
     shown
         Keys (or titles, of columns for people only) of what a person reads, in this order; None:
         every column that has a width.
@@ -310,13 +312,13 @@ class Table:
             if not column.parts:
                 yield column.key, values
             for k, part in enumerate(column.parts):
-                yield f"{column.key}_{part}", [None if v is None else v[k] for v in values]
+                yield f"{column.key}_{part}", _component(values, k)
 
     def records(self) -> list[Answer]:
         """Return the rows for programs, one mapping each."""
         columns = self.for_programs()
         keys = [column.key for column, _ in columns]
-        cells = zip(*(plain_values(values) for _, values in columns), strict=True)
+        cells = zip(*(_plain_cells(*pair) for pair in columns), strict=True)
         return [dict(zip(keys, row, strict=True)) for row in cells]
 
 
@@ -467,6 +469,25 @@ def named(
     """Return a list of names or lines that stands within a line."""
     lines = (item if isinstance(item, Line) else Line((Value(item),)) for item in items)
     return Names(tuple(lines), most, more, separator)
+
+
+def _component(values: Values, k: int) -> Values:
+    if isinstance(values, np.ndarray):
+        component: NDArray[Any] = values[:, k]
+        return component
+    return [None if v is None else v[k] for v in values]
+
+
+def vectors(values: NDArray[Any]) -> list[list[float] | None]:
+    """Return the vectors of a column (n, k); None for what does not exist."""
+    there = ~np.isnan(values).all(axis=1)
+    return [v if some else None for v, some in zip(values.tolist(), there.tolist(), strict=True)]
+
+
+def _plain_cells(column: Column, values: Values) -> list[Any]:
+    if column.parts and isinstance(values, np.ndarray):
+        return [plain_value(vector) for vector in vectors(values)]
+    return plain_values(values)
 
 
 def plain_values(values: Values) -> list[Any]:
