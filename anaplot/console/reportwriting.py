@@ -20,7 +20,7 @@ class WriteReport(Protocol):
     """Writes a report and returns where it lies; may raise an AnaplotError."""
 
     def __call__(self, *, free: bool, progress: Progress) -> Path:
-        """Write it; `free`: without control. What `progress` raises ends it."""
+        """Write it; `free`: without control in any case. What `progress` raises ends it."""
 
 
 def reports_of(folder: Path) -> WriteReport:
@@ -29,7 +29,7 @@ def reports_of(folder: Path) -> WriteReport:
     def write(*, free: bool, progress: Progress) -> Path:
         from anaplot.report.keptreport import keep_report
 
-        return keep_report(folder, datum="free" if free else "control", progress=progress).page
+        return keep_report(folder, datum="free" if free else None, progress=progress).page
 
     return write
 

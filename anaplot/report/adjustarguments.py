@@ -92,7 +92,8 @@ def add_adjust_arguments(adjust: argparse.ArgumentParser) -> None:
         "--datum",
         choices=("control", "minimal", "free"),
         default="control",
-        help="from control and priors (the default), minimal, or free by inner constraints",
+        help="from control and priors (the default; a report without it takes a free one where "
+        "they leave it open, and says so), minimal, or free by inner constraints",
     )
     adjust.add_argument(
         "--additional",

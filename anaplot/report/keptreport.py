@@ -12,6 +12,7 @@ from anaplot.bundle.solve.problem import Datum
 from anaplot.report.adjustcommand import adjust
 from anaplot.report.html.write import Written, tables_folder, write_report
 from anaplot.report.reportcommand import block_report
+from anaplot.report.reportdatum import adjusted_in_datum
 from anaplot.textfiles.wholefile import all_or_nothing, make_folder
 
 __all__ = ["REPORTS", "keep_report"]
@@ -21,7 +22,7 @@ REPORTS = "reports"
 
 
 def keep_report(
-    folder: Path, *, datum: Datum = "control", progress: Progress | None = None
+    folder: Path, *, datum: Datum | None = None, progress: Progress | None = None
 ) -> Written:
     """Write the report of what a block's files have into its folder `reports`.
 
@@ -30,7 +31,7 @@ def keep_report(
     folder
         The block folder.
     datum
-        As for `adjust`.
+        As for `adjust`; None: that of control and priors, or where they leave it open a free one.
     progress
         Called while the block is adjusted; what it raises ends it.
 
@@ -45,7 +46,8 @@ def keep_report(
         The block cannot be read or adjusted, or nothing can be written beside it; nothing of the
         report is left behind then.
     """
-    report = block_report(adjust(folder, datum=datum, progress=progress), folder)
+    ours = adjusted_in_datum(lambda one: adjust(folder, datum=one, progress=progress), datum)
+    report = block_report(ours.adjusted, folder, free=ours.line)
     reports = folder / REPORTS
     with all_or_nothing():
         make_folder(reports)

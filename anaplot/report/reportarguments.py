@@ -53,6 +53,7 @@ def add_report_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_page_arguments(parser)
     add_adjust_arguments(parser)
+    parser.set_defaults(datum=None)  # that of control, or a free one
 
 
 def add_report_command(commands: Commands, run: Callable[[argparse.Namespace], int]) -> None:

@@ -7,12 +7,13 @@ import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from anaplot.bundle.solve.problem import Datum
 from anaplot.exchange.blockfolder import block_files
 from anaplot.exchange.blockpack import block_paths
 from anaplot.report.adjustcommand import adjust
 from anaplot.report.blockadjustment import BlockAdjustment
 from anaplot.report.computed import Computed
-from anaplot.report.document import Document, say
+from anaplot.report.document import Document, Line, say
 from anaplot.report.html.angles import AngleUnit, with_angles_in
 from anaplot.report.html.blocksections import Material, block_sections
 from anaplot.report.html.evidence import block_plates
@@ -36,6 +37,7 @@ from anaplot.report.output import Output
 from anaplot.report.pageoption import as_typed
 from anaplot.report.progress import working
 from anaplot.report.reportarguments import add_report_arguments
+from anaplot.report.reportdatum import adjusted_in_datum
 from anaplot.report.running import computed
 
 __all__ = ["block_report", "run_report"]
@@ -61,7 +63,10 @@ def run_report(options: argparse.Namespace) -> int:
     check_report(options.output, options.figures)
     computing = [*block_paths(options.block), *options.fiducials, *_named_files(options)]
     files = checked_files(computing)
-    found = computed(options, adjust)
+    ours = adjusted_in_datum(
+        lambda datum: computed(_in_datum(options, datum), adjust), options.datum
+    )
+    found = ours.adjusted
     with working("the page"):
         plates = block_plates(options.block, options.fiducials)
         unchanged(files, checked_files(computing))
@@ -70,7 +75,7 @@ def run_report(options: argparse.Namespace) -> int:
             chosen_options(add_report_arguments, options),
             files,
         )
-        material = Material(found, options.block, plates)
+        material = Material(found, options.block, plates, ours.line)
         report = _report(material, made, options.angles)
         written = write_report(report, options.output, options.figures, most_rows=options.rows)
     document = found.document
@@ -80,10 +85,12 @@ def run_report(options: argparse.Namespace) -> int:
         "report": {
             **written_answer(written),
             **material.summary,
+            "free_datum": ours.why or None,
             "provenance": provenance_answer(made),
         },
     }
-    output.show(Document(answer, written_lines(written), document.tables))
+    said = () if ours.line is None else (say("  ") + ours.line,)
+    output.show(Document(answer, (*written_lines(written), *said), document.tables))
     return 1 if found.flagged and options.fail_on_flag else 0
 
 
@@ -93,6 +100,7 @@ def block_report(
     plates: Sequence[OrientedPlate] | None = None,
     *,
     angles: AngleUnit = "deg",
+    free: Line | None = None,
 ) -> Report:
     """Return the report of an adjusted block.
 
@@ -106,23 +114,29 @@ def block_report(
         Inner orientations, from `block_plates`; None: those of the folder's journal.
     angles
         Unit of angles in its tables.
+    free
+        What is said of a free datum that nobody asked for; None: nothing.
     """
     path = None if folder is None else Path(folder)
     if plates is None:
         plates = () if path is None else block_plates(path)
-    material = Material(found, path, tuple(plates))
+    material = Material(found, path, tuple(plates), free)
     return _report(material, provenance(), angles)
 
 
+def _in_datum(options: argparse.Namespace, datum: Datum) -> argparse.Namespace:
+    return argparse.Namespace(**{**vars(options), "datum": datum})
+
+
 def _report(material: Material, made: Provenance, angles: AngleUnit) -> Report:
-    verdict = verdict_lines(material.adjusted.result, material.status)
+    verdict = verdict_lines(material.adjusted.result, material.status, material.free)
     if without_pixel_size(material.measured):
         verdict = tuple(map(in_px, verdict))
     report = Report(
         say("Block {}", material.measured.name),
         verdict,
         block_sections(material),
-        provenance_section(made, material.measured),
+        provenance_section(made, material.measured, material.free),
         say("Adjusted as one bundle by anaplot {}, {}", made.versions["anaplot"], made.time),
     )
     return with_definitions(with_angles_in(report, angles))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import sys
@@ -29,6 +30,8 @@ def folder(tmp_path: Path) -> Path:
         "3",
         "--points",
         "5x5",
+        "--sidelap",
+        "60",
         "--control-m",
         "0.05",
         "--to",
@@ -81,10 +84,45 @@ def test_the_datum_is_that_of_the_call(folder: Path, monkeypatch: pytest.MonkeyP
     assert all(page.parent == folder / REPORTS and page.exists() for page in pages)
 
 
-def test_a_block_that_cannot_be_adjusted_leaves_nothing(folder: Path) -> None:
+def without_control(folder: Path) -> None:
     (folder / "control.csv").unlink()
+
+
+def test_without_control_the_datum_is_free_and_the_page_says_so(folder: Path) -> None:
+    without_control(folder)
+    page = reports_of(folder)(free=False, progress=lambda *_: None)
+    text = re.sub(r"<[^>]*>", "", page.read_text(encoding="utf-8"))
+    said = "the datum is free (as with --datum free): there is no control and no prior orientation"
+    # verdict, at a glance, what it was computed with
+    assert text.count(said) == 3
+    assert "m stands for its unit of length" in text
+
+
+def test_a_report_takes_a_free_datum_where_control_leaves_it_open(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    control = (folder / "control.csv").read_text(encoding="utf-8").splitlines()
+    (folder / "control.csv").write_text("\n".join(control[:3]) + "\n", encoding="utf-8")
+    page = tmp_path / "r.html"
+    command = ["report", str(folder), "-o", str(page)]
+    for words in (["--datum", "control"], ["--errors", "odds", "--control-last"]):
+        assert main([*command, *words]) == 4
+        assert "not determined" in capsys.readouterr().err
+        assert not page.exists()
+    assert main(command) == 0
+    assert "the datum is free" in capsys.readouterr().out
+    assert main([*command, "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["datum"]["kind"] == "free"
+    assert answer["report"]["free_datum"] == "too little"
+    assert main([*command, "--datum", "free", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["report"]["free_datum"] is None
+
+
+def test_a_block_that_cannot_be_adjusted_leaves_nothing(folder: Path) -> None:
+    without_control(folder)
     with pytest.raises(NotComputableError, match="no control"):
-        keep_report(folder)
+        keep_report(folder, datum="control")
     assert not (folder / REPORTS).exists()
 
 

@@ -29,6 +29,7 @@ from anaplot.photogrammetry.similarity import (
 
 __all__ = [
     "Anchor",
+    "OpenDatumError",
     "anchor",
     "check_datum",
     "components",
@@ -58,6 +59,10 @@ _LOOSE = 0.1  # of the extent, or rad: standard deviation with which priors hold
 _NOTHING = 1e-9  # m or rad: what a movement does to something that has no part in it
 _OPEN = 1e-5  # the same of a movement that priors leave open, or hold by the rounding of a line
 _RANK = 1e-7  # singular value over the largest, in the block's own measure
+
+
+class OpenDatumError(NotComputableError):
+    """Control and priors do not say where the block, or a part of it, lies."""
 
 
 class Anchor(NamedTuple):
@@ -100,7 +105,10 @@ def null_space(problem: Problem, state: BlockState) -> tuple[Array, Array]:
 
 
 def check_datum(problem: Problem, state: BlockState, linear: Linearised) -> None:
-    """Raise NotComputableError when a part of the block hangs in the air; names its photos."""
+    """Raise NotComputableError when a part of the block hangs in the air; names its photos.
+
+    What control and priors leave open is an OpenDatumError.
+    """
     labels = components(problem)
     count = int(labels.max()) + 1
     point_part = np.empty(len(problem.points), dtype=np.intp)
@@ -142,7 +150,7 @@ def check_datum(problem: Problem, state: BlockState, linear: Linearised) -> None
                 + " do not suffice"
                 + (" (distances give a free datum its scale, and no other)" if scales else "")
             )  # fmt: skip
-            raise NotComputableError(
+            raise OpenDatumError(
                 f"block {problem.block.name}: not determined: {', '.join(what)}; {hint}"
                 + (f"; {where}" if where else "")
             )

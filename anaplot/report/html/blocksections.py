@@ -12,7 +12,7 @@ from anaplot.photogrammetry.block import Block
 from anaplot.report.blockadjustment import BlockAdjustment
 from anaplot.report.blocksummary import summary_tables
 from anaplot.report.computed import Computed
-from anaplot.report.document import Table
+from anaplot.report.document import Line, Table
 from anaplot.report.html.evidence import evidence_sections
 from anaplot.report.html.lengths import sections_with_lengths_of
 from anaplot.report.html.parts import Section
@@ -58,11 +58,14 @@ class Material:
         Where the block comes from, with its journal and fiducials; None: from a program.
     plates
         Inner orientations of its photos.
+    free
+        What is said of a free datum that nobody asked for; None: nothing.
     """
 
     adjusted: Computed[BlockAdjustment]
     folder: Path | None = None
     plates: tuple[OrientedPlate, ...] = ()
+    free: Line | None = None
 
     @cached_property
     def summary(self) -> Mapping[str, Table]:
@@ -97,7 +100,7 @@ def _sections(material: Material) -> Iterator[Section | None]:
     found, document = material.adjusted.result, material.adjusted.document
     evidence = evidence_sections(material.adjusted, material.folder, material.plates)
     by_key = {section.key: section for section in evidence}
-    yield glance_section(found, document)
+    yield glance_section(found, document, material.free)
     yield by_key.pop("rejected", None)
     yield map_section(material.block)
     yield accuracy_section(document, material.summary)

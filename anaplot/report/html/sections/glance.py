@@ -25,8 +25,16 @@ __all__ = ["accuracy_section", "glance_section"]
 _MOST_CORRELATED = 5
 
 
-def glance_section(found: BlockAdjustment, document: Document) -> Section:
-    """Return the figures of a block: sigma0, counts, datum, system, rejected, indicators."""
+def glance_section(found: BlockAdjustment, document: Document, free: Line | None = None) -> Section:
+    """Return the figures of a block: sigma0, counts, datum, system, rejected, indicators.
+
+    Parameters
+    ----------
+    found, document
+        What `adjust` has found, and its document.
+    free
+        What is said of a free datum that nobody asked for; None: nothing.
+    """
     block, answer = found.block, document.answer
     problem = block.problem
     facts: list[tuple[str, Line]] = [
@@ -43,7 +51,7 @@ def glance_section(found: BlockAdjustment, document: Document) -> Section:
                 **answer,
             ),
         ),
-        ("Datum", _datum(block, answer)),
+        ("Datum", _datum(block, answer, free)),
         ("Coordinate system", _system(block)),
         (
             "Test of observations",
@@ -84,16 +92,29 @@ def _global_test(block: AdjustedBlock, answer: Answer) -> Line:
     )
 
 
-def _datum(block: AdjustedBlock, answer: Answer) -> Line:
+def _datum(block: AdjustedBlock, answer: Answer, free: Line | None) -> Line:
     line = say("{}", datum_words(block.problem))
     defect = answer["datum"]["defect"]
-    return line + say(", rank defect {}", defect) if defect else line
+    if defect:
+        line += say(", rank defect {}", defect)
+    return line if free is None else (line + say("; ") + free).of("remark")
 
 
 def _system(block: AdjustedBlock) -> Line:
-    lines = ground_lines(block.problem.block.ground)
-    if not lines and not is_held(block.problem.block):
-        return say("its own: nothing ties the block to the ground")
+    problem = block.problem
+    if problem.datum == "free" or not is_held(problem.block):
+        scale = (
+            "its scale is that of the distances"
+            if problem.conditions is not None and problem.conditions.gives_scale
+            else "its scale is arbitrary: m stands for its unit of length"
+        )
+        laid = (
+            "that of the approximate values, nothing given holds the block"
+            if is_held(problem.block)
+            else "its own: nothing ties the block to the ground"
+        )
+        return say("{}; {}", laid, scale)
+    lines = ground_lines(problem.block.ground)
     if not lines:
         return say("that of what is given, metres; no reference system is stated")
     return Line(tuple(part for line in lines for part in (*_stripped(line).parts, " ")))

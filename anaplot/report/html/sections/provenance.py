@@ -101,8 +101,13 @@ def provenance(
     return Provenance(command, options or {}, versions, time, files)
 
 
-def provenance_section(made: Provenance, block: Block | None = None) -> Section:
-    """Return the section, with what a block says of precision and tests."""
+def provenance_section(
+    made: Provenance, block: Block | None = None, free: Line | None = None
+) -> Section:
+    """Return the section, with what a block says of precision and tests.
+
+    A line says it where the datum is free and nobody asked for that.
+    """
     facts: list[tuple[str, Line]] = [("Computed", say("{}", made.time))]
     if made.command:
         facts.append(("Command", say("{}", made.command)))
@@ -112,6 +117,8 @@ def provenance_section(made: Provenance, block: Block | None = None) -> Section:
     facts.append(
         ("Options", say("{}", named(options) if options else "all as they are without any"))
     )
+    if free is not None:
+        facts.append(("Datum", free))
     if block is not None:
         for title, settings in (("[precision]", block.precision), ("[test]", block.test)):
             said = [say("{} = {}", key, _written(value)) for key, value in asdict(settings).items()]

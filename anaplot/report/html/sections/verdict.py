@@ -25,7 +25,9 @@ __all__ = ["verdict_lines"]
 _FEW = 3  # of what is wrong; the sections have all
 
 
-def verdict_lines(found: BlockAdjustment, status: BlockStatus) -> tuple[Line, ...]:
+def verdict_lines(
+    found: BlockAdjustment, status: BlockStatus, free: Line | None = None
+) -> tuple[Line, ...]:
     """Return the verdict.
 
     Parameters
@@ -34,11 +36,13 @@ def verdict_lines(found: BlockAdjustment, status: BlockStatus) -> tuple[Line, ..
         What `adjust` has found.
     status
         Where the block stands.
+    free
+        What is said of a free datum that nobody asked for; None: nothing.
     """
     return (
         _sound(found, status),
         _wrong(found, status),
-        _unchecked(found, status),
+        _unchecked(found, status, free),
         _accuracy(found),
         _next(found, status),
     )
@@ -154,7 +158,7 @@ def _wrong(found: BlockAdjustment, status: BlockStatus) -> Line:
     return (say("Wrong: ") + gone + say("{}", _several(lines))).of("look")
 
 
-def _unchecked(found: BlockAdjustment, status: BlockStatus) -> Line:
+def _unchecked(found: BlockAdjustment, status: BlockStatus, free: Line | None) -> Line:
     block = found.block
     lines: list[Line] = []
     spurs = len(block.spurs())
@@ -171,7 +175,9 @@ def _unchecked(found: BlockAdjustment, status: BlockStatus) -> Line:
         lines.append(say("along the rays {} of two photos alone", counted(two, "point")))
     if not block.check_rows():
         lines.append(say("the coordinates as a whole: there is no check point"))
-    if block.problem.datum != "control":
+    if free is not None:
+        lines.append(say("where it lies: ") + free)
+    elif block.problem.datum != "control":
         lines.append(say("where it lies: its datum is {}", DATUM[block.problem.datum]))
     view = status.block
     if view is not None and view.weak:
