@@ -6,6 +6,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from anaplot.aliases import Array, Progress
 from anaplot.bundle.adjust import adjust_bundle
@@ -13,7 +14,7 @@ from anaplot.bundle.epochs.common import Common, Epochs
 from anaplot.bundle.epochs.moves import Move
 from anaplot.bundle.solve.additional import AdditionalParameters, Scope
 from anaplot.bundle.solve.adjusted import AdjustedBlock
-from anaplot.bundle.solve.crosscofactors import Sides, empty_sides, side_products
+from anaplot.bundle.solve.crosscofactors import function_cofactors
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.laidparameters import groups_of_photos
 from anaplot.bundle.solve.namedpoints import point_numbers, point_places
@@ -302,7 +303,7 @@ def joint_displacements(
 ) -> tuple[Array, Array, Array, float]:
     """Return displacements in a joint adjustment.
 
-    One right-hand side for each difference. A difference of two points does not depend on what
+    A difference of two points does not depend on what
     holds the joint datum, up to its own size over the extent of the block.
 
     Parameters
@@ -336,28 +337,42 @@ def joint_displacements(
     same = [3 * position[move] + axis for move, axis in equal]
     # what is free of error is equal already
     same = [k for k in same if not problem.fixed[before[k // 3], k % 3]]
-
-    def sides(mine: Sequence[int]) -> Sides:
-        photos, points, shared = empty_sides(block, len(mine))
-        for column, k in enumerate(mine):
-            row, axis = divmod(k, 3)
-            for at, sign in ((before[row], -1.0), (after[row], 1.0)):
-                points[at, axis, column] += 0.0 if problem.fixed[at, axis] else sign
-        return photos, points, shared
-
+    change = _differences(problem, before, after)
     m = 3 * len(moves)
     places = block.state.points[before[: len(moves)]] + block.state.origin
     d = (block.state.points[after] - block.state.points[before]).reshape(-1)
-    q = side_products(block, len(d), sides)
+    q = function_cofactors(block, change)
     if not same:
         return places, d[:m], q[:m, :m], 0.0
     off = np.linalg.solve(q[np.ix_(same, same)], d[same])
     cost = float(d[same] @ off)
-    _, moved, _ = block.cofactors.normal.solve(block.cofactors.factor, *sides(same))
-    moved = np.where(problem.fixed, 0.0, moved @ off)
+    photos, points, shared = (
+        np.zeros((len(problem.photos), problem.per_photo, 1)),
+        np.zeros((len(problem.points), 3, 1)),
+        np.zeros((problem.in_border, 1)),
+    )
+    side = off @ change[same]
+    points[:, :, 0] = side[photos.size : photos.size + points.size].reshape(-1, 3)
+    _, moved, _ = block.cofactors.normal.solve(block.cofactors.factor, photos, points, shared)
+    moved = np.where(problem.fixed, 0.0, moved[:, :, 0])
     places = places - moved[before[: len(moves)]]
     d = d - q[:, same] @ off
     q = q - q[:, same] @ np.linalg.solve(q[np.ix_(same, same)], q[same])
     d[same], q[same], q[:, same] = 0.0, 0.0, 0.0
     q = 0.5 * (q + q.T)
     return places, d[:m], q[:m, :m], cost
+
+
+def _differences(problem: Problem, before: Sequence[int], after: Sequence[int]) -> csr_array:
+    """Return (3 k, unknowns) coordinates of the points `after` minus those `before`."""
+    first = len(problem.photos) * problem.per_photo
+    count = 3 * len(before)
+    minus, plus = ((3 * np.array(of)[:, None] + np.arange(3)).ravel() for of in (before, after))
+    free = ~problem.fixed.ravel()
+    return csr_array(
+        (
+            np.concatenate((-1.0 * free[minus], 1.0 * free[plus])),
+            (np.tile(np.arange(count), 2), first + np.concatenate((minus, plus))),
+        ),
+        shape=(count, first + free.size + problem.in_border),
+    )

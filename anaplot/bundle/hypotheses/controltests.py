@@ -22,27 +22,24 @@ M = C^-1 - C^-1 G (G'C^-1 G)^-1 G'C^-1 and g = -M (adjusted - given).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import partial
 from math import sqrt
 from typing import Literal, NamedTuple
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from anaplot.adjustment.hypothesis import bonferroni_alpha
 from anaplot.adjustment.significance import TESTABLE
-from anaplot.aliases import Array, Bools
+from anaplot.aliases import Array, Bools, Index
 from anaplot.bundle.hypotheses.givenparts import PartTest, parts_of
 from anaplot.bundle.hypotheses.verdict import HypothesisSettings, VarianceFactor, Verdict
 from anaplot.bundle.solve.adjusted import AdjustedBlock
-from anaplot.bundle.solve.crosscofactors import (
-    Sides,
-    coordinate_cofactors,
-    empty_sides,
-    side_products,
-)
+from anaplot.bundle.solve.crosscofactors import coordinate_cofactors
 from anaplot.bundle.solve.imaging import imaged_with_derivatives
+from anaplot.bundle.solve.innerproducts import inner_products
+from anaplot.bundle.solve.problem import Problem
 from anaplot.photogrammetry.similarity import (
     Similarity,
     fit_to_partial,
@@ -319,10 +316,7 @@ def _control(block: AdjustedBlock, places: list[tuple[int, int]], *, together: b
     problem = block.problem
     linear = block.cofactors.normal.linear
     fixed = np.array([bool(problem.fixed[point, axis]) for point, axis in places])
-    rays_of = np.split(
-        np.argsort(problem.point, kind="stable"),
-        np.cumsum(np.bincount(problem.point, minlength=len(problem.points)))[:-1],
-    )
+    rays_of = _rays_of(problem, [point for point, _ in places])
     b = _derivatives(block) if fixed.any() else linear.b
     score = np.empty(len(places))
     own = np.zeros((len(places), len(places)))
@@ -345,50 +339,70 @@ def _control(block: AdjustedBlock, places: list[tuple[int, int]], *, together: b
         own[np.ix_(held, held)] = column.T @ column
     size = np.diag(own).copy()
 
-    def sides(mine: range) -> Sides:
-        photos, points, shared = empty_sides(block, len(mine))
-        for column, k in enumerate(mine):
-            point, axis = places[k]
-            if not fixed[k]:
-                points[point, axis, column] = -(float(problem.known_sigma[point, axis]) ** -2.0)
-                continue
-            rays = rays_of[point]
-            change = b[rays, :, axis]
-            np.add.at(
-                photos[:, :, column],
-                problem.photo[rays],
-                np.einsum("rij,ri->rj", linear.a[rays], change),
-            )
-            points[point, :, column] += np.einsum("rij,ri->j", linear.b[rays], change)
-            if len(shared):
-                columns = block.cofactors.normal.border_columns(problem.additional_group[rays])
-                np.add.at(
-                    shared[:, column],
-                    columns,
-                    np.einsum("rij,ri->rj", linear.h[rays], change),
-                )
-        return photos, points, shared
-
+    sides = _sides(block, places, fixed, b)
     information = own
     if together:
-        information = own - side_products(block, len(places), sides)
+        information = own - _products(block, sides)
     else:
         for point, members in by_point.items():
             index = np.ix_(members, members)
             if fixed[members].any():
-                taken = side_products(block, len(members), partial(_from, sides, members[0]))
+                taken = _products(block, csr_array(sides[:, members]))
             else:
                 axes = [places[k][1] for k in members]
                 weight = size[members]
                 taken = block.cofactors.points[point][np.ix_(axes, axes)]
                 taken = taken * weight[:, None] * weight
             information[index] -= taken
-    tied = _tied(block, places, fixed, sides, together=together)
+    tied = _tied(block, places, fixed, sides)
     if tied is not None:
         score += tied.score
         information += tied.information
         size += tied.size
     return _Control(places, fixed, score, information, size)
+
+
+def _rays_of(problem: Problem, points: Iterable[int]) -> dict[int, Index]:
+    """Return the rays of some points."""
+    order = np.argsort(problem.point, kind="stable")
+    ends = np.searchsorted(problem.point[order], np.arange(len(problem.points) + 1))
+    return {k: order[ends[k] : ends[k + 1]] for k in points}
+
+
+def _products(block: AdjustedBlock, sides: csr_array) -> Array:
+    return inner_products(block.cofactors.normal, block.cofactors.factor, sides)
+
+
+def _sides(
+    block: AdjustedBlock, places: list[tuple[int, int]], fixed: Bools, b: Array
+) -> csr_array:
+    """Return (n d + 3 p + g, k) J'C of control coordinates, without conditions.
+
+    Of one free of error what its rays say, with the derivatives `b` of `_derivatives`.
+    """
+    problem, normal = block.problem, block.cofactors.normal
+    linear, d = normal.linear, problem.per_photo
+    first = len(problem.photos) * d
+    last = first + 3 * len(problem.points)
+    point, axis = np.array(places, dtype=np.intp).reshape(-1, 2).T
+    weighted = np.flatnonzero(~fixed)
+    known = problem.known_sigma[point[weighted], axis[weighted]]
+    found = [(first + 3 * point[weighted] + axis[weighted], weighted, -(known**-2.0))]
+    rays_of = _rays_of(problem, point.tolist())
+    for k in np.flatnonzero(fixed).tolist():
+        rays = rays_of[point[k]]
+        change = b[rays, :, axis[k]]
+        parts = [
+            (problem.photo[rays, None] * d + np.arange(d), linear.a),
+            (first + 3 * problem.point[rays, None] + np.arange(3), linear.b),
+        ]
+        if problem.in_border:
+            parts.append((last + normal.border_columns(problem.additional_group[rays]), linear.h))
+        for rows, of in parts:
+            values = np.einsum("rij,ri->rj", of[rays], change).ravel()
+            found.append((rows.ravel(), np.full(len(values), k), values))
+    rows, columns, values = (np.concatenate(part) for part in zip(*found, strict=True))
+    return csr_array((values, (rows, columns)), shape=(last + problem.in_border, len(places)))
 
 
 class _Tied(NamedTuple):
@@ -403,13 +417,11 @@ def _tied(
     block: AdjustedBlock,
     places: list[tuple[int, int]],
     fixed: Bools,
-    sides: Callable[[range], Sides],
-    *,
-    together: bool,
+    sides: csr_array,
 ) -> _Tied | None:
     """Return the part of conditions that name control free of error; None without any.
 
-    `sides` are J'C of the other rows; not `together`: of M only the blocks of points are needed.
+    `sides` are J'C of the other rows.
     """
     conditions = block.problem.conditions
     normal, factor = block.cofactors.normal, block.cofactors.factor
@@ -426,12 +438,8 @@ def _tied(
     weighted = update.inner @ d
     own = d.T @ weighted
     gained = [(part @ weighted[:, mine]).reshape(-1, len(mine)) for part in update.gain]
-    named = {places[k][0] for k in mine.tolist()}
     beside = np.zeros_like(own)
-    for k, (point, _) in enumerate(places):
-        if together or point in named:
-            for side, gain in zip(sides(range(k, k + 1)), gained, strict=True):
-                beside[k, mine] += side.ravel() @ gain
+    beside[:, mine] = sides.T @ np.concatenate(gained)
     left = equations.contrasts.T @ normal.conditions_left(factor)
     return _Tied(d.T @ left, own - beside - beside.T, np.diag(own).copy())
 
@@ -446,11 +454,6 @@ def _derivatives(block: AdjustedBlock) -> Array:
     if problem.rejected is not None:
         b[problem.rejected] = 0.0
     return b
-
-
-def _from(sides: Callable[[range], Sides], start: int, part: range) -> Sides:
-    """Return sides of a point whose first coordinate is `start`; its coordinates are neighbours."""
-    return sides(range(part.start + start, part.stop + start))
 
 
 class _GivenUp(NamedTuple):

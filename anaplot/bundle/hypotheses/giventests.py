@@ -19,12 +19,13 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse import csr_array, hstack
 
 from anaplot.adjustment.hypothesis import bonferroni_alpha
 from anaplot.aliases import Array
 from anaplot.bundle.hypotheses.verdict import HypothesisSettings, VarianceFactor, Verdict
 from anaplot.bundle.solve.adjusted import AdjustedBlock
-from anaplot.bundle.solve.crosscofactors import Sides, empty_sides, side_products
+from anaplot.bundle.solve.crosscofactors import function_cofactors
 from anaplot.bundle.solve.givenprior import locate
 from anaplot.bundle.solve.priorbending import prior_bending
 from anaplot.bundle.solve.problem import Problem
@@ -158,14 +159,10 @@ def given_tests(
     assert equations is not None  # of every block with a prior
     v = equations.misclosure
 
-    def sides(mine: range) -> Sides:
-        photos, points, shared = empty_sides(block, len(mine))
-        unit = np.zeros((len(prior), len(mine)))
-        unit[np.array(mine), np.arange(len(mine))] = 1.0
-        at_photos, at_points = equations.sides(unit)
-        return at_photos.reshape(photos.shape), at_points.reshape(points.shape), shared
-
-    adjusted = side_products(block, len(prior), sides)
+    none = csr_array((len(prior), block.problem.in_border))
+    adjusted = function_cofactors(
+        block, csr_array(hstack((equations.photos, equations.points, none)))
+    )
     # in the measure that makes the prior's covariance one
     left = np.eye(len(prior)) - prior.root @ adjusted @ prior.root.T
     size = np.abs(prior.root)

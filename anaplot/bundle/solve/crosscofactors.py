@@ -1,80 +1,33 @@
-"""Cofactors between unknowns anywhere in a block: one right-hand side for each of them.
+"""Cofactors between unknowns anywhere in a block, without an inverse of its size.
 
-With functions J of the unknowns, J N^-1 J' takes one solution for every row of J: no inverse of the
-size of the block is formed, and what is held at a time is bounded.
+Functions J of the unknowns name few of them each. With N = L L' of the equations whose points are
+eliminated, J N^-1 J' = (L^-1 J')'(L^-1 J') takes the elimination of J' alone, and there only the
+fronts above the photos that a function names or that see its points: no solution is formed. In a
+datum of its own, which every function moves with, it takes one solution for every row of J, and
+what is held at a time is bounded.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.sparse import csr_array
 
 from anaplot.aliases import Array, Index
 from anaplot.bundle.solve.adjusted import AdjustedBlock
+from anaplot.bundle.solve.innerproducts import inner_products
 from anaplot.bundle.solve.reliability import DatumChange
 
-__all__ = [
-    "Sides",
-    "coordinate_cofactors",
-    "empty_sides",
-    "function_cofactors",
-    "own_parameter_cofactors",
-    "side_products",
-]
-
-Sides = tuple[Array, Array, Array]
-"""k right-hand sides: photos (n, d, k), points (p, 3, k) and shared parameters (g, k)."""
+__all__ = ["coordinate_cofactors", "function_cofactors", "own_parameter_cofactors"]
 
 _BYTES = 300_000_000  # of the largest array while a portion is solved
-
-
-def side_products(block: AdjustedBlock, count: int, sides: Callable[[range], Sides]) -> Array:
-    """Return (k, k) S' N^-1 S of right-hand sides S, solved in portions.
-
-    Parameters
-    ----------
-    block
-        The adjusted block; in the datum of its solution.
-    count
-        Number of sides k.
-    sides
-        Called with a range of them.
-    """
-    cofactors = block.cofactors
-    normal = cofactors.normal
-    out = np.zeros((count, count))
-    portions = _portions(block, count)
-    for mine in portions:
-        own = sides(mine)
-        solved = normal.solve(cofactors.factor, *own)
-        for other in portions:
-            if other.start < mine.start:
-                continue
-            left = own if other is mine else sides(other)
-            product = np.zeros((len(other), len(mine)))
-            for a, b in zip(left, solved, strict=True):
-                product += a.reshape(-1, len(other)).T @ b.reshape(-1, len(mine))
-            out[other.start : other.stop, mine.start : mine.stop] = product
-            out[mine.start : mine.stop, other.start : other.stop] = product.T
-    return 0.5 * (out + out.T)
 
 
 def _portions(block: AdjustedBlock, count: int) -> list[range]:
     # the largest array of a solution has a value per ray, unknown of its photo, and side
     step = max(1, _BYTES // (8 * len(block.problem.photo) * block.problem.per_photo))
     return [range(k, min(k + step, count)) for k in range(0, count, step)]
-
-
-def empty_sides(block: AdjustedBlock, count: int) -> Sides:
-    """Return right-hand sides of zeros, to be filled."""
-    problem = block.problem
-    return (
-        np.zeros((len(problem.photos), problem.per_photo, count)),
-        np.zeros((len(problem.points), 3, count)),
-        np.zeros((problem.in_border, count)),
-    )
 
 
 def function_cofactors(
@@ -102,23 +55,22 @@ def function_cofactors(
     free = np.ones(functions.shape[1])
     free[n * d : n * d + 3 * p] = ~problem.fixed.reshape(-1)
     weighted = csr_array(functions.multiply(free))
+    if datum is None:
+        return inner_products(cofactors.normal, cofactors.factor, csr_array(weighted.T))
     count = functions.shape[0]
     out = np.zeros((count, count))
-    moves = np.zeros((count, 0 if datum is None else len(datum.variance)))
+    moves = np.zeros((count, len(datum.variance)))
     for mine in _portions(block, count):
         part = slice(mine.start, mine.stop)
         whole = weighted[part].toarray().T
         photos, points, shared = np.split(whole, (n * d, n * d + 3 * p))
         photos, points = photos.reshape(n, d, -1), points.reshape(p, 3, -1)
-        if datum is not None:
-            photos, points, moves[part] = datum.of_gradients(photos, points)
+        photos, points, moves[part] = datum.of_gradients(photos, points)
         x, y, s = cofactors.normal.solve(cofactors.factor, photos, points, shared)
-        if datum is not None:
-            x, y = datum.of_changes(x, y)
+        x, y = datum.of_changes(x, y)
         k = len(mine)
         out[:, part] = weighted @ np.concatenate((x.reshape(-1, k), y.reshape(-1, k), s))
-    if datum is not None:
-        out += (moves * datum.variance) @ moves.T
+    out += (moves * datum.variance) @ moves.T
     return 0.5 * (out + out.T)
 
 

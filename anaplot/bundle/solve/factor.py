@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg.blas import dgemm, dsymm, dsyrk, dtrsm
 from scipy.linalg.lapack import dpotrf, dpotri
+from scipy.sparse import csr_array
 
 from anaplot.aliases import Array, Index
 from anaplot.bundle.solve.dissection import Dissection
@@ -353,6 +354,50 @@ class Factor:
         out = np.empty((n, d, k))
         out[pattern.order] = x[: n * d].reshape(n, d, k)
         return out, np.array(x[n * d :])
+
+    def inner_products(self, sides: csr_array) -> Array:
+        """Return (k, k) S' N^-1 S of sparse right-hand sides S, of the elimination alone.
+
+        N = L L', so it is F'F with F = L^-1 S; a side is zero in all fronts but those above its
+        own photos, and the product of a front takes the sides that reach it.
+
+        Parameters
+        ----------
+        sides
+            (n d + g, k): photos, and below them the border's columns.
+        """
+        pattern = self.pattern
+        rows = np.concatenate(
+            (_scalars(pattern.order, pattern.d), pattern.n * pattern.d + np.arange(pattern.g))
+        )
+        ordered = csr_array(sides[rows])
+        ordered.sum_duplicates()
+        count = ordered.shape[1]
+        out = np.zeros((count, count))
+        waiting: dict[int, list[tuple[_FrontPlan, Index, Array]]] = {}
+        for k, (plan, l11, l21) in enumerate(zip(pattern.plans, self._l11, self._l21, strict=True)):
+            p = plan.pivots
+            starts = ordered.indptr[plan.first : plan.first + p + 1]
+            own = slice(starts[0], starts[-1])
+            below = waiting.pop(k, [])
+            columns = np.unique(
+                np.concatenate([ordered.indices[own], *(reached for _, reached, _ in below)])
+            )
+            if not len(columns):
+                continue
+            x = np.zeros((p + plan.border, len(columns)))
+            at = np.searchsorted(columns, ordered.indices[own])
+            x[np.repeat(np.arange(p), np.diff(starts)), at] = ordered.data[own]
+            for child, reached, left in below:
+                places, i = np.searchsorted(columns, reached), len(child.inner)
+                x[np.ix_(child.inner, places)] += left[:i]
+                x[np.ix_(p + child.outer, places)] += left[i:]
+            f = dtrsm(1.0, l11, x[:p], lower=1)
+            out[np.ix_(columns, columns)] += f.T @ f
+            if plan.border:
+                left = x[p:] - l21 @ (x[:p] if self._divided else f)
+                waiting.setdefault(plan.parent, []).append((plan, columns, left))
+        return out
 
     def _targets(self, plan: _FrontPlan) -> Index:
         if plan.photos == 0:
