@@ -54,6 +54,24 @@ def test_the_command_line_starts_with_nothing(code: str) -> None:
     assert not {"numpy", "scipy", "textual", "serial", "jinja2", "shtab"} & set(loaded)
 
 
+def test_what_computes_nothing_loads_no_mathematics(tmp_path: Path) -> None:
+    block, quiet = str(tmp_path / "b"), "contextlib.redirect_stdout(io.StringIO())"
+    code = f"""
+import anaplot.cli, contextlib, io, sys
+with {quiet}:
+    assert anaplot.cli.main(['new', {block!r}, '--strip', '101-105', '--camera', 'rmk15']) == 0
+    assert anaplot.cli.main(['status', {block!r}]) == 0
+{LOADED}"""
+    assert not {"scipy", "textual", "serial", "jinja2"} & set(python(code).split())
+
+
+def test_an_adjustment_loads_of_scipy_what_it_uses() -> None:
+    code = "import sys, anaplot.report.applyerrors\nprint(*sys.modules)"
+    loaded = set(python(code).split())
+    assert "scipy.sparse" in loaded
+    assert not {"scipy.optimize", "scipy.spatial", "scipy.fft", "jinja2"} & loaded
+
+
 ROOMS = (
     "textfiles",
     "drawing",

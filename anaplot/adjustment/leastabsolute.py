@@ -20,7 +20,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import linprog
 from scipy.sparse import csc_array, csr_array
 from scipy.sparse.linalg import splu
 
@@ -153,6 +152,8 @@ def least_absolute(
 def _programme(design: csr_array, e: Array) -> Array:
     if not design.shape[1]:
         return e.copy()
+    from scipy.optimize import linprog  # as long to load as NumPy, and seldom used
+
     found = linprog(  # type: ignore[call-overload]  # its stubs know no sparse matrices
         -e, A_eq=design.T, b_eq=np.zeros(design.shape[1]), bounds=(-1.0, 1.0), method="highs"
     )

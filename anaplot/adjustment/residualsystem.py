@@ -14,11 +14,12 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol, runtime_checkable
-
-from scipy.sparse import csr_array, dia_array
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from anaplot.aliases import Array, Index
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array, dia_array
 
 __all__ = ["DenseResiduals", "Designed", "MeasuredSystem", "ResidualSystem", "diagonal"]
 
@@ -108,4 +109,6 @@ class DenseResiduals:
 
 def diagonal(values: Array) -> dia_array:
     """Return (n, n) the sparse matrix with n values on its diagonal."""
+    from scipy.sparse import dia_array  # loaded with the first design
+
     return dia_array((values[None, :].astype(float), [0]), shape=(len(values), len(values)))

@@ -146,9 +146,6 @@ def _of(places: Mapping[str, tuple[float, float]], points: list[str]) -> Array:
 def _placed(
     pairs: Mapping[tuple[str, str], tuple[Array, Array]], spread: Mapping[str, float]
 ) -> dict[str, PhotoPlace]:
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.linalg import spsolve
-
     every = {key: overlap(*both) for key, both in pairs.items()}
     overlaps = {key: one for key, one in every.items() if not one.loose}
     angle, flip = _along_tree(overlaps)
@@ -168,6 +165,9 @@ def _placed(
             against[photo] += 0 if agrees else one.points
     if not edges:
         return {}
+    from scipy.sparse import coo_matrix  # loaded with the first photos that overlap
+    from scipy.sparse.linalg import spsolve
+
     i, j = (np.array([names[key[end]] for key in edges]) for end in (0, 1))
     weight = np.array([float(overlaps[key].points) for key in edges])
     n = len(names)

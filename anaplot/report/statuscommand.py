@@ -36,10 +36,8 @@ from anaplot.report.document import (
 from anaplot.report.document import Block as Part
 from anaplot.report.journalnote import journal_answer
 from anaplot.report.lengthunits import with_lengths_of
-from anaplot.report.offsets import offset_advice_json, offset_advice_lines
 from anaplot.report.output import Output
 from anaplot.report.progress import working
-from anaplot.report.stabilizing import stabilizing_json, stabilizing_lines
 from anaplot.session.blockaccidents import block_accidents
 from anaplot.session.recomputed import Recomputed
 from anaplot.station.blockstatus import BlockStatus, NextStep, status_of
@@ -249,6 +247,8 @@ def status_document(
     page += unchecked_line(status.accidents)
     page += _weak_lines(status.block, bool(rows))
     if status.block is not None:
+        from anaplot.report.offsets import offset_advice_lines
+
         page += offset_advice_lines(status.block.offsets)
     page += [say("remark: {}", remark).of("remark") for remark in remarks]
     page.append(_next_line(status.next).of("heading"))
@@ -292,6 +292,9 @@ def _recomputed(one: Recomputed) -> Answer:
 def _block(view: BlockView | None, suspects: object) -> Answer | None:
     if view is None or not view.solved:
         return None
+    from anaplot.report.offsets import offset_advice_json
+    from anaplot.report.stabilizing import stabilizing_json
+
     flagged = sum(len(point.flagged) for point in view.suspects)
     return {
         "sigma0": view.sigma0,
@@ -309,6 +312,8 @@ def _weak_lines(view: BlockView | None, strips: bool) -> list[Part]:
     """Return the weak photos, and where they lie in an instrument what would help them."""
     if view is None or not view.weak:
         return []
+    from anaplot.report.stabilizing import stabilizing_lines
+
     count = say("weak: {} of {} photos have few redundant observations beside the others",
                 len(view.weak), view.photos)  # fmt: skip
     if not strips:

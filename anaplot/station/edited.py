@@ -23,7 +23,6 @@ from anaplot.station.imagepoints import (
 )
 from anaplot.station.rejectedelsewhere import agreeing, elsewhere
 from anaplot.station.restored import restored
-from anaplot.station.sessionlog import read_history
 from anaplot.textfiles.wording import place, quoted
 
 __all__ = [
@@ -251,6 +250,8 @@ def _written(folder: Path, block: Block, photos: Set[str]) -> tuple[set[object],
     known: tuple[ModelState, ...] = ()
     written: set[object] = set()
     ever: set[object] = set()
+    from anaplot.station.sessionlog import read_history  # loads the room of instruments
+
     for _, _, event in read_history(folder)[1]:
         before, state = state, apply(state, event)
         if state.models is before.models:
