@@ -24,6 +24,8 @@ class Drawing:
         One line for people, made plain; stands above the drawing and in its `<title>`.
     description
         What is to be seen, in sentences with numbers, made plain; stands in its `<desc>`.
+    caption
+        Of the description what nothing in the drawing says; may be "".
     svg
         One `<svg role="img">` element without script, style sheet or reference to anything outside
         it, everything foreign escaped. Its classes are those of `STYLE` in
@@ -40,6 +42,7 @@ class Drawing:
     title: str
     description: str
     svg: str
+    caption: str = ""
 
     def __post_init__(self) -> None:
         if not _KEY.fullmatch(self.key) or len(self.key) > _LONGEST_KEY:

@@ -64,7 +64,9 @@ class Head:
         return joined(text(_SIDE, 25.0, self.title, "t-title", most=_LONGEST_TITLE), *lines)
 
 
-def drawn(head: Head, description: str, body: Svg, height: float) -> Drawing:
+def drawn(
+    head: Head, description: str, body: Svg, height: float, notes: Iterable[str] = ()
+) -> Drawing:
     """Return a drawing of what is drawn beneath its head.
 
     Parameters
@@ -77,6 +79,8 @@ def drawn(head: Head, description: str, body: Svg, height: float) -> Drawing:
         Elements.
     height
         Of the whole drawing.
+    notes
+        Sentences of the description that stand under it.
     """
     inside = joined(
         element("title", escaped(head.title)),
@@ -92,7 +96,23 @@ def drawn(head: Head, description: str, body: Svg, height: float) -> Drawing:
         role="img",
         viewBox=f"0 0 {WIDTH:g} {np.ceil(height):g}",
     )
-    return Drawing(head.key, plain(head.title, 300), plain(description, 2000), svg)
+    title, words = plain(head.title, 300), plain(description, 2000)
+    return Drawing(head.key, title, words, svg, _unsaid(words, title, head, notes))
+
+
+def _unsaid(description: str, title: str, head: Head, notes: Iterable[str]) -> str:
+    """Return the sentences of a description that stand nowhere in the drawing."""
+    said = " ".join((plain(head.remark, 600), *(plain(note, 600) for note in notes)))
+    rest = description.removeprefix(title).lstrip(":. ")
+    sentences = (one for one in rest.split(". ") if not _says(said, one.rstrip(".")))
+    caption = ". ".join(sentences)
+    return caption if not caption or caption.endswith(".") else f"{caption}."
+
+
+def _says(said: str, sentence: str) -> bool:
+    """Whether a text has a sentence, or all of it behind a colon."""
+    behind = sentence.partition(": ")[2]
+    return sentence in said or (bool(behind) and behind in said)
 
 
 class Plot:
@@ -276,7 +296,7 @@ class Plot:
         y += height + (4.0 if height else 0.0)
         notes, y = _noted(self._notes, self.frame.left, y, width)
         body = joined(*self._layers, explained, notes)
-        return drawn(self.head, " ".join((description, *self._notes)), body, y + 10.0)
+        return drawn(self.head, " ".join((description, *self._notes)), body, y + 10.0, self._notes)
 
 
 def _apart(frame: Frame) -> Ticks:

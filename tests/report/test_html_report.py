@@ -14,6 +14,7 @@ from anaplot.errors import InputError
 from anaplot.report.document import name, number, say, table
 from anaplot.report.html.parts import Report, Section
 from anaplot.report.html.render import html_of
+from anaplot.report.html.views import page_view
 from anaplot.report.html.write import write_report
 
 HOSTILE = "</td><script>alert(1)</script>\u202e\x1b[2J"
@@ -61,6 +62,14 @@ def test_a_cut_table_stands_whole_beside_the_page(tmp_path: Path) -> None:
     assert whole.relative_to(tmp_path).as_posix() in text
     assert len(whole.read_text().splitlines()) == 251
     assert (tmp_path / "figures" / "map.svg").read_text().startswith("<?xml")
+
+
+def test_of_a_long_table_that_needs_no_look_the_first_rows_are_shown(tmp_path: Path) -> None:
+    rows = [(f"p{k}", float(k), "") for k in range(250)]
+    whole = Report(say("x"), (), (Section("s", "S", (table("points", COLUMNS, rows),)),))
+    text = html_of(page_view(whole, most_rows=100, beside="r.html.tables"))
+    assert re.findall(r'<th scope="row"><bdi>(p\d+)</bdi>', text) == [f"p{k}" for k in range(50)]
+    assert "50 of 250 rows are shown, the first, since none needs a look; r.html.tables/" in text
 
 
 def test_an_earlier_report_is_replaced_and_nothing_else(tmp_path: Path) -> None:

@@ -90,7 +90,7 @@ def correlation_matrix(
         bottom += 16.0
         parts.append(text(24.0, bottom, note, "t-soft t-small"))
     words = " ".join((description, *notes))
-    return drawn(head, words, joined(*parts, explained), bottom + 12.0)
+    return drawn(head, words, joined(*parts, explained), bottom + 12.0, notes)
 
 
 def _cell(

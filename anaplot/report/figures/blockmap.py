@@ -98,7 +98,7 @@ def draw_control(
 
 
 def block_map(
-    block: AdjustedBlock, *, key: str = "block-map", title: str = "Block", planned: bool = False
+    block: AdjustedBlock, *, key: str = "block-map", title: str | None = None, planned: bool = False
 ) -> Drawing:
     """Return the map of an adjusted or planned block.
 
@@ -111,11 +111,13 @@ def block_map(
     block
         The adjusted block; a planned one likewise.
     key, title
-        Of the drawing.
+        Of the drawing; None: "Block", or "Planned photos and points".
     planned
         Whether nothing was measured: nothing is flagged then.
     """
     view = ground_view(block)
+    if title is None:
+        title = "Planned photos and points" if planned else "Block"
     problem = block.problem
     flagged = np.zeros(len(problem.points), dtype=bool) if planned else flagged_points(block)
     ellipses = _ellipses(view)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
-from typing import NamedTuple, TypeAlias
+from typing import Literal, NamedTuple, TypeAlias
 
 from anaplot.drawing.drawing import Drawing
 from anaplot.report.document import Line, Listed, Table
@@ -73,12 +73,17 @@ class Section:
         From top to bottom. A section within it has a heading one level below.
     folded
         Whether only the heading is shown until it is opened; on paper it always is.
+    on_paper
+        "columns": what is within it stands in two columns there; "beside": tables of few columns
+        stand beside each other, and all of it on one page where it has room; "drawing": its heading
+        is left out, since that of its drawing says the same.
     """
 
     key: str
     title: str | Line
     blocks: tuple[HtmlBlock, ...]
     folded: bool = False
+    on_paper: Literal["", "columns", "beside", "drawing"] = ""
 
 
 HtmlBlock: TypeAlias = Line | Listed | Table | Captioned | Facts | Definitions | Drawing | Section

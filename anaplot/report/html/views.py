@@ -47,6 +47,7 @@ MOST_ROWS = 2500
 """A longer table shows only the rows that need a look; a file beside the page has them all."""
 
 _LONGEST = 60  # characters of a name that are shown; the whole is its title
+_FIRST = 50  # rows of a longer table of which none needs a look
 _FOLDED = 30  # rows of a table that is shown without being opened
 _FEW = 14  # rows that are not parted on paper
 _SHORT = 90  # characters of a caption in one line
@@ -139,13 +140,14 @@ class BlockView:
 
 @dataclass(frozen=True, slots=True)
 class SectionView:
-    """A section: its address, heading, level of the heading, parts, and whether it is folded."""
+    """A section: address, heading and its level, parts, whether folded, how it is on paper."""
 
     id: str
     title: tuple[Text, ...]
     level: int
     blocks: tuple[BlockView, ...]
     folded: bool
+    on_paper: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -240,7 +242,9 @@ class _Plan:
         around, self._inside = self._inside, self._inside or section.folded
         blocks = tuple(self._blocks(section.blocks, level))
         self._inside = around
-        return SectionView(address, text_of(section.title), level, blocks, section.folded)
+        return SectionView(
+            address, text_of(section.title), level, blocks, section.folded, section.on_paper
+        )
 
     def _blocks(self, blocks: Iterable[HtmlBlock], level: int) -> Iterator[BlockView]:
         lines: list[LineView] = []
@@ -298,16 +302,16 @@ class _Plan:
             _grouped(table, chosen, cells),
             n,
             len(chosen),
-            self._left_out(address, n, len(chosen)),
+            self._left_out(address, n, len(chosen), looks=any(looks)),
             len(chosen) > _FOLDED and not self._inside,
             sum(len(piece.text) for piece in text_of(caption)) <= _SHORT,
             _width(len(columns)) + (" few" if len(chosen) <= _FEW else ""),
         )
 
-    def _left_out(self, address: str, n: int, shown: int) -> str:
+    def _left_out(self, address: str, n: int, shown: int, *, looks: bool) -> str:
         if shown == n:
             return ""
-        which = "those that need a look" if shown else "none needs a look"
+        which = "those that need a look" if looks else "the first, since none needs a look"
         where = f"; {plain(self._beside)}/{address}.csv has every row" if self._beside else ""
         return f"{shown} of {counted(n, 'row')} are shown, {which}{where}"
 
@@ -338,7 +342,9 @@ def _shown(table: Table) -> list[tuple[Column, Values]]:
 
 def _head(column: Column) -> Head:
     title = plain(column.title.strip()) or words_of(column.key)
-    unit = "" if "[" in title else shown_unit(column)
+    unit = shown_unit(column)
+    if "[" in title or unit in title.split():
+        unit = ""
     return Head(title, unit, column.key or column.title, column.align == "<")
 
 
@@ -371,7 +377,8 @@ def _chosen(table: Table, most: int) -> Index:
         return np.arange(n)
     if table.most is not None:
         return np.arange(most)
-    return np.nonzero(table.marked())[0][:most]
+    marked = np.nonzero(table.marked())[0][:most]
+    return marked if len(marked) else np.arange(min(n, _FIRST))
 
 
 def _lines(block: Line | Listed) -> list[LineView]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from anaplot.report.document import Column, say
@@ -13,6 +15,8 @@ from anaplot.report.html.parts import Defined, Definitions, Report, Section, tab
 __all__ = ["columns_shown", "with_definitions"]
 
 _MOST = 2  # tables that are named where a title means two things
+_TITLES = 12  # of one meaning that are all named
+_LONG = re.compile(r"[:,;]| and ")  # where the name of a table goes on
 
 
 def columns_shown(report: Report) -> list[tuple[str, Column]]:
@@ -40,9 +44,8 @@ def with_definitions(report: Report) -> Report:
     meanings = Counter(title for titles in said.values() for title in titles)
     rows = tuple(
         Defined(
-            ", ".join(
-                title if meanings[title] == 1 else f"{title} ({'; '.join([*tables][:_MOST])})"
-                for title, tables in titles.items()
+            _named(
+                {title: tables if meanings[title] > 1 else {} for title, tables in titles.items()}
             ),
             *found,
         )
@@ -53,3 +56,21 @@ def with_definitions(report: Report) -> Report:
         line = say("explained where they stand: {}", ", ".join(unknown)).of("remark")
         section = replace(section, blocks=(*section.blocks, line))
     return replace(report, sections=(*report.sections, section))
+
+
+def _named(titles: Mapping[str, Iterable[str]]) -> str:
+    """Return titles of columns, those of the same tables together, with these behind them."""
+    of: dict[str, list[str]] = {}
+    for title, tables in titles.items():
+        some = [*dict.fromkeys(_LONG.split(one)[0] for one in tables)]
+        more = f" and {len(some) - _MOST} more" if len(some) > _MOST else ""
+        of.setdefault("; ".join(some[:_MOST]) + more, []).append(title)
+    return "; ".join(
+        f"{_listed(some)} ({tables})" if tables else _listed(some) for tables, some in of.items()
+    )
+
+
+def _listed(titles: Sequence[str]) -> str:
+    if len(titles) <= _TITLES:
+        return ", ".join(titles)
+    return f"{', '.join(titles[:3])}, … {titles[-1]}"

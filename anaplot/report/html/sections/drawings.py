@@ -35,7 +35,7 @@ def map_section(block: AdjustedBlock) -> Section:
 
 
 def residuals_section(block: AdjustedBlock) -> Section | None:
-    """Return residuals over all photos, their distribution, and those of single photos."""
+    """Return residuals over all photos, and their distribution."""
     of = image_coordinates(block)
     drawings: list[Drawing | None] = [
         histogram_of_w(block.tested, of, key="histogram-of-w", what=_WHAT),

@@ -141,7 +141,7 @@ def _model(model: _Model, number_: int, figure: ModelFigure | None, *, folded: b
     drawn = None if figure is None else figure(model.strip, model.at)
     if drawn is not None:
         blocks.insert(1, drawn)
-    return Section(f"model-{number_}", title, tuple(blocks), folded)
+    return Section(f"model-{number_}", title, tuple(blocks), folded, "beside")
 
 
 def _lines(one: Answer) -> Iterator[HtmlBlock]:

@@ -30,7 +30,7 @@
       button.type = "button";
       button.setAttribute("aria-label", `Sort by ${head.textContent.trim()}`);
       head.addEventListener("click", () => sort(head, column)); // a press on the button, too
-      head.append(" ", button);
+      head.append("\u00a0", button); // never alone in a line
     });
   }
   // Paper and links show what is folded.
