@@ -13,11 +13,10 @@ from anaplot.report.verdicts import probability
 __all__ = ["plan_and_height_table"]
 
 _PARTS = ("plan", "height")
-_WORDS = {True: "<< REJECTED", None: "not testable"}
 
 
-def _mark(rejected: bool | None) -> str:
-    return _WORDS.get(rejected, "")
+def _mark(rejected: bool) -> str:
+    return "<< REJECTED" if rejected else "passed"
 
 
 _COLUMNS = (
@@ -30,7 +29,7 @@ _COLUMNS = (
             number(part, f"{part} [m]", 4, 11, unit="m"),
             number(f"s_{part}", "s", 4, 9, unit="m"),
             Column(f"P_{part}", "P", 9, form=probability),
-            name(f"{part}_rejected", form=_mark, none="", look=bool),
+            name(f"{part}_rejected", form=_mark, none="not tested", look=bool),
         )
     ),
 )
@@ -62,9 +61,9 @@ def _of(use: str, parts: Iterable[PartTest]) -> Iterator[tuple[Any, ...]]:
 
 
 def _cells(one: PartTest | None) -> tuple[Any, ...]:
-    """Return difference, s, P and whether it is rejected; False where nothing is given."""
+    """Return difference, s, P and whether it is rejected; None where there is no test."""
     if one is None:
-        return None, None, None, False
+        return None, None, None, None
     test = None if one.verdict is None else one.verdict.decisive
     p = None if test is None else test.significance
     return one.difference, one.s, p, None if test is None else test.rejected

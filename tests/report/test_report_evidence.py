@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from datetime import UTC, datetime
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -205,6 +206,10 @@ def test_a_block_with_everything(planned) -> None:
         assert cells[:3] == [one["point"], one["use"], length]
     (check,) = (row for row in points if row[1] == "check")
     assert "<< REJECTED" in check
+    words = {None: "not tested", False: "passed", True: "<< REJECTED"}
+    for cells, one in zip(points[1:], told["hypotheses"]["plan_and_height"], strict=True):
+        assert [cells[5], cells[9]] == [words[one[f"{k}_rejected"]] for k in ("plan", "height")]
+    assert any("passed" in cells for cells in points)
     rejected = page.tables["Rejected by odds, in this order"]
     assert [row[0] for row in rejected[1:]] == ["image"] * len(told["errors"]["rejected"])
     assert len(rejected) > 1
@@ -256,9 +261,22 @@ def test_lengths_are_in_px_where_pixels_have_no_size(planned) -> None:
 def test_the_protocol_of_a_session_and_none() -> None:
     log = log_document(read_log(SESSIONS / "changes.jsonl"))
     changes = log.to_dict()["changes"]
-    page = Page(Section("protocol", "Protocol", protocol_blocks(log)))
-    _, *rows = page.tables["What was done, in order"]
-    assert [row[2] for row in rows] == [one["what"] for one in changes]
+    page = Page(Section("protocol", "Protocol", protocol_blocks(log, "b")))
+    head, *rows = page.tables[
+        "What was measured again, switched, renamed, accepted or reopened, in order"
+    ]
+    again = [one for one in changes if one["what"] not in ("measured", "oriented", "added")]
+    assert 0 < len(again) < len(changes)
+    assert [row[head.index("WHAT")] for row in rows] == [one["what"] for one in again]
+    # to the second and in UTC, whose name stands in the title alone
+    assert head[0] == "TIME (UTC)"
+    times = [datetime.fromisoformat(one["time"]).astimezone(UTC) for one in again]
+    assert [row[0] for row in rows] == [f"{time:%Y-%m-%d %H:%M:%S}" for time in times]
+    for key, title in (("w_before", "w BEFORE"), ("w_after", "AFTER")):
+        shown = ["-" if one[key] is None else f"{one[key]:.2f}" for one in again]
+        assert title not in head or [row[head.index(title)] for row in rows] == shown
+    assert f"{len(changes) - len(again)} rows are of what was measured for the first" in page.text
+    assert "`anaplot log b` has every change" in page.text
     count = sum(one["what"] == "remeasured" for one in changes)
     assert f"{count} measured again" in page.text
     assert "no journal" in Page(Section("p", "P", protocol_blocks(None))).text

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
@@ -32,6 +33,7 @@ from anaplot.report.html.sections.photos import photos_section
 from anaplot.report.html.sections.switchedoff import protocol_blocks, switched_off_section
 from anaplot.report.logcommand import log_document
 from anaplot.station.sessionlog import read_log
+from anaplot.textfiles.wording import plain
 
 __all__ = ["block_plates", "evidence_sections"]
 
@@ -122,4 +124,4 @@ def _protocol(folder: Path) -> Section:
     except InputError as error:
         said = say("The journal cannot be read: {}", str(error)).of("look")
         return Section("protocol", _PROTOCOL, (said,))
-    return Section("protocol", _PROTOCOL, protocol_blocks(log))
+    return Section("protocol", _PROTOCOL, protocol_blocks(log, plain(shlex.quote(str(folder)))))

@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 from anaplot.exchange.fiducialfile import read_fiducials
 from anaplot.report.document import Answer, Document, Line, name, number, say, table, whole
 from anaplot.report.html.parts import Captioned, HtmlBlock, Section
+from anaplot.report.html.times import time_column, utc
 from anaplot.report.innercommand import orient_photos
 from anaplot.report.innerdocument import photo_document
-from anaplot.report.logcommand import local_time
 from anaplot.station.sessionlog import read_inner
 
 __all__ = ["OrientedPlate", "inner_section", "plates_in"]
@@ -22,7 +22,7 @@ _OPEN = 2  # that are not folded
 _OVERVIEW = (
     name("photo", "PHOTO", 5),
     name("model", "IN MODEL", 8, none=""),
-    name("time", "ACCEPTED", 8, form=local_time, none=""),
+    time_column("time", "ACCEPTED"),
     name("who", "BY", 2, none=""),
     name("transformation", "TRANSFORMATION", 14),
     number("sigma0_um", "sigma0 [um]", 2, 12, unit="um"),
@@ -120,7 +120,7 @@ def inner_section(plates: Sequence[OrientedPlate]) -> Section | None:
     for k in sorted(first):
         plate, found = oriented[k]
         blocks.append(_plate(k + 1, plate, found, folded=len(oriented) > _OPEN))
-    return Section("inner", "Inner orientations", tuple(blocks))
+    return Section("inner", "Inner orientations", tuple(blocks), on_paper="columns")
 
 
 def _summary(plate: OrientedPlate, answer: Answer) -> tuple[Any, ...]:
@@ -148,7 +148,7 @@ def _plate(number_: int, plate: OrientedPlate, found: Document, *, folded: bool)
     if plate.model is not None:
         title += say(", in model {}", plate.model)
     if plate.time is not None:
-        title += say(", {}", local_time(plate.time))
+        title += say(", {} UTC", utc(plate.time))
     if plate.file is not None:
         title += say(", from {}", plate.file)
     caption = say("Fiducials of photo {}", plate.photo)

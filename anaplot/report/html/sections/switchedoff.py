@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 
 from anaplot.report.columns import counted
-from anaplot.report.document import Answer, Document, Line, Table, named, say
+from anaplot.report.document import Answer, Column, Document, Line, Table, named, say
 from anaplot.report.html.parts import Captioned, HtmlBlock, Section
-from anaplot.report.logcommand import local_time
+from anaplot.report.html.times import time_column, utc
 
 __all__ = ["protocol_blocks", "switched_off_section"]
 
@@ -24,6 +25,7 @@ _KINDS = {
     "reopened": "models reopened",
     "undone": "taken back",
 }
+_FIRST = ("measured", "added", "oriented")  # nothing was there before: no change of anything
 
 
 def switched_off_section(answer: Answer) -> Section:
@@ -48,13 +50,15 @@ def switched_off_section(answer: Answer) -> Section:
     return Section("off", "Switched off, and why", tuple(blocks))
 
 
-def protocol_blocks(log: Document | None) -> tuple[HtmlBlock, ...]:
-    """Return what was measured, when, and what was done again.
+def protocol_blocks(log: Document | None, folder: str = "BLOCK") -> tuple[HtmlBlock, ...]:
+    """Return how much was measured, when and by whom, and everything that was changed after that.
 
     Parameters
     ----------
     log
         The document of `log`; None: there is no journal.
+    folder
+        As the command line names the block.
     """
     blocks: list[HtmlBlock] = []
     if log is None:
@@ -63,8 +67,47 @@ def protocol_blocks(log: Document | None) -> tuple[HtmlBlock, ...]:
         blocks.append(say("Nothing is journalled yet."))
     else:
         found = log.tables[0]
-        blocks += [*_summary(found.records()), Captioned(found, say("What was done, in order"))]
+        blocks += _summary(found.records())
+        again = _again(found)
+        if len(again):
+            words = "What was measured again, switched, renamed, accepted or reopened, in order"
+            blocks.append(Captioned(again, say(words)))
+        else:
+            blocks.append(say("Nothing was measured again, switched, renamed, or accepted."))
+        left = len(found) - len(again)
+        if left:
+            blocks.append(
+                say(
+                    "{} of what was measured for the first time and of inner orientations not "
+                    "repeated here: `anaplot log {}` has every change, with --csv as a table",
+                    counted(left, "row is", "rows are"),
+                    folder,
+                )
+            )
     return tuple(blocks)
+
+
+def _again(log: Table) -> Table:
+    """Return the rows of a log that change what was there before; times in UTC."""
+    keys = [column.key for column in log.columns]
+    what = log.values[keys.index("what")]
+    rows = [k for k in range(len(log)) if what[k] not in _FIRST]
+    cells = [[values[k] for k in rows] for values in log.values]
+    some = [
+        (_column(column), values)
+        for column, values in zip(log.columns, cells, strict=True)
+        if any(value is not None for value in values)
+    ]
+    columns, left = tuple(column for column, _ in some), tuple(values for _, values in some)
+    return replace(log, columns=columns, source=lambda: left)
+
+
+def _column(column: Column) -> Column:
+    """Return a column of the protocol: in it every row was done again, none stands out for that."""
+    if column.key == "time":
+        return time_column("time", "TIME")
+    # two numbers stand in one line
+    return replace(column, look=None, align=">" if column.parts else column.align)
 
 
 def _summary(rows: Sequence[Answer]) -> list[Line]:
@@ -73,9 +116,9 @@ def _summary(rows: Sequence[Answer]) -> list[Line]:
     who = list(dict.fromkeys(row["who"] or "nobody named" for row in rows))
     return [
         say(
-            "From {} to {}, by {}.",
-            local_time(rows[0]["time"]),
-            local_time(rows[-1]["time"]),
+            "From {} to {} UTC, by {}.",
+            utc(rows[0]["time"]),
+            utc(rows[-1]["time"]),
             named(who, 12),
         ),
         say("{}.", named(done)),
