@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from itertools import combinations
 from math import inf
 
@@ -141,7 +142,11 @@ def orient(pair: Stereopair, precision: Precision, test: TestSettings) -> ModelS
         q_l=q_l,
         q_gg=adjusted.q_xx if exact is None else exact.unknowns,
         unknowns=unknowns,
-        q_points=point_cofactors(pair, conditions, state) if exact is None else exact.points,
+        of_points=(
+            partial(point_cofactors, pair, conditions, state)
+            if exact is None
+            else partial(getattr, exact, "points")
+        ),
         exact=exact,
         off_rows=_off_rows(pair, state, precision.tie_variance),
         measured=(pair.aside or pair).points,

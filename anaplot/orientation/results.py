@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal, NamedTuple
@@ -71,9 +72,8 @@ class ModelSolution(TestedInMicrometres[Row]):
         (u, u) cofactors of the unknowns in the order of `unknowns`.
     unknowns
         Names of the unknowns.
-    q_points
-        (n, 3, 3) cofactors of the model coordinates of `points` [mm^2 / mm^2], left photo held;
-        under "exact" with what the ties bring along, else as if they were free of error.
+    of_points
+        Computes `q_points`, which few ask for.
     exact
         What `tie_variance` "exact" adds; None otherwise. Q_vv is then S, and sigma0 by v'S+v.
     off_rows
@@ -102,7 +102,7 @@ class ModelSolution(TestedInMicrometres[Row]):
     q_l: Array = field(repr=False)
     q_gg: Array = field(repr=False)
     unknowns: tuple[str, ...]
-    q_points: Array = field(repr=False)
+    of_points: Callable[[], Array] = field(repr=False)
     exact: ExactStatistics | None = field(default=None, repr=False)
     off_rows: tuple[Observation[Row], ...] = ()
     measured: tuple[str, ...] = ()
@@ -112,6 +112,15 @@ class ModelSolution(TestedInMicrometres[Row]):
     def name(self) -> str:
         """'left/right'."""
         return f"{self.left}/{self.right}"
+
+    @cached_property
+    def q_points(self) -> Array:
+        """(n, 3, 3) cofactors of the model coordinates of `points` [mm^2 / mm^2].
+
+        The left photo is held; under "exact" with what the ties bring along, else as if they were
+        free of error.
+        """
+        return self.of_points()
 
     @cached_property
     def table(self) -> tuple[Observation[Row], ...]:

@@ -90,7 +90,7 @@ def solution(gross: bool = True) -> ModelSolution:
         q_l=np.array([2.0] * 13 + [6.0] * 5),
         q_gg=np.eye(6),
         unknowns=("bx", "beta_y", "beta_z", "kappa", "phi", "omega"),
-        q_points=np.broadcast_to(np.diag([2.0, 3.0, 9.0]), (len(PATTERN), 3, 3)),
+        of_points=lambda: np.broadcast_to(np.diag([2.0, 3.0, 9.0]), (len(PATTERN), 3, 3)),
     )
 
 

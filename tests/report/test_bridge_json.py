@@ -145,7 +145,7 @@ def test_a_point_at_infinity_is_null_and_not_infinite():
     model = five_points()
     nowhere = (ModelPoint("9", float("inf"), float("nan"), -float("inf")),)
     cofactors = np.full((1, 3, 3), np.nan)
-    data = answer_of(replace(model, points=nowhere, q_points=cofactors))
+    data = answer_of(replace(model, points=nowhere, of_points=lambda: cofactors))
     (point,) = data["points"]
     assert point == {"point": "9", **dict.fromkeys(("X", "Y", "Z", "sX", "sY", "sZ"))}
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -48,22 +49,27 @@ def bridged_parts(
     block = problem.block
     unused = set(problem.unused_rays.tolist())
     rows = rows_by_photo(row for k, row in enumerate(block.image_points) if k not in unused)
+    index = _Names.of(problem)
     for count, strip in enumerate(block.strips):
         if progress is not None:
             progress(BRIDGING, count / len(block.strips))
-        parts += _bridged(problem, strip, rows)
+        parts += _bridged(problem, strip, rows, index)
     parts.sort(key=lambda part: -int(part.oriented.sum()))
     joined: list[SubBlock] = []
+    placed = [part.placed for part in parts]
     while parts:
         main = parts.pop(0)
+        placed.pop(0)
         main.place(problem, rays)
         again = True
         while again:
             again = False
-            shared = [int((main.placed & part.placed).sum()) for part in parts]
+            own = main.placed
+            shared = [int(np.count_nonzero(own & other)) for other in placed]
             for k in np.argsort(shared)[::-1].tolist():
                 if shared[k] >= 3 and main.join(parts[k]):
                     parts.pop(k)
+                    placed.pop(k)
                     main.place(problem, rays)
                     again = True
                     break
@@ -71,13 +77,29 @@ def bridged_parts(
     return joined
 
 
-def _bridged(problem: Problem, strip: Strip, rows: dict[str, list[ImagePoint]]) -> list[SubBlock]:
+class _Names(NamedTuple):
+    """Numbers of photos and points by their names, and the cameras of the photos."""
+
+    photos: dict[str, int]
+    points: dict[str, int]
+    camera_of: dict[str, Camera]
+
+    @classmethod
+    def of(cls, problem: Problem) -> _Names:
+        cameras = {camera.id: camera for camera in problem.block.cameras}
+        return cls(
+            {name: k for k, name in enumerate(problem.photos)},
+            {name: k for k, name in enumerate(problem.points)},
+            {photo.id: cameras[photo.camera] for photo in problem.block.photos},
+        )
+
+
+def _bridged(
+    problem: Problem, strip: Strip, rows: dict[str, list[ImagePoint]], index: _Names
+) -> list[SubBlock]:
     """Clusters of one strip: a new one begins wherever the chain of models breaks."""
     block = problem.block
-    at_photo = {name: k for k, name in enumerate(problem.photos)}
-    at_point = {name: k for k, name in enumerate(problem.points)}
-    cameras = {camera.id: camera for camera in block.cameras}
-    camera_of = {photo.id: cameras[photo.camera] for photo in block.photos}
+    at_photo, at_point, camera_of = index
     found: list[SubBlock] = []
     current: SubBlock | None = None
     preceding: ModelSolution | None = None
@@ -99,10 +121,10 @@ def _bridged(problem: Problem, strip: Strip, rows: dict[str, list[ImagePoint]]) 
         k = at_photo[right]
         current.centres[k] = np.array(model.centre) + np.array(model.base)
         current.rotations[k] = rotation_matrix(*model.rotation)
-        for p in model.points:
-            index = at_point.get(p.point)
-            if index is not None and not np.isfinite(current.points[index, 0]):
-                current.points[index] = p.X, p.Y, p.Z
+        seen = [(at_point[p.point], p.X, p.Y, p.Z) for p in model.points if p.point in at_point]
+        at = np.array([k for k, *_ in seen], dtype=np.intp)
+        new = np.isnan(current.points[at, 0])
+        current.points[at[new]] = np.array([xyz for _, *xyz in seen]).reshape(-1, 3)[new]
         preceding = model
     return found
 
@@ -144,9 +166,11 @@ def _model(
         except NotComputableError:
             return None
         else:
-            worst = max(model.table, key=lambda row: row.size or 0.0)
             rough = (model.sigma0_um or 0.0) > 20.0 * block.precision.image_um
-            if not rough or not worst.flagged or allowed <= 0:
+            if not rough or allowed <= 0:
+                return model
+            worst = max(model.table, key=lambda row: row.size or 0.0)
+            if not worst.flagged:
                 return model
             if model.redundancy < _TELLS_WHICH:
                 # rounding alone would choose; without a model the photo follows by resection

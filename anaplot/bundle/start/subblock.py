@@ -60,10 +60,13 @@ class SubBlock:
         self.points = similarity.apply(self.points)
 
     def place(self, problem: Problem, rays: Array, *, again: bool = False) -> int:
-        """Intersect every point that two photos of the sub-block see; returns how many are new."""
+        """Intersect the points without a place that two photos of the sub-block see.
+
+        Returns how many are new. With `again` all that two photos see are intersected.
+        """
         before = self.placed
-        found = intersect_rays(problem, self, rays)
-        new = np.isfinite(found[:, 0]) & (~before | again)
+        found = intersect_rays(problem, self, rays, None if again else ~before)
+        new = np.isfinite(found[:, 0])
         self.points[new] = found[new]
         return int((new & ~before).sum())
 
@@ -192,7 +195,9 @@ def rays_of_photos(problem: Problem) -> list[Index]:
     return np.split(order, ends)
 
 
-def intersect_rays(problem: Problem, subblock: SubBlock, rays: Array) -> Array:
+def intersect_rays(
+    problem: Problem, subblock: SubBlock, rays: Array, wanted: Bools | None = None
+) -> Array:
     """Return (points, 3): where the rays of the sub-block's photos meet best; NaN elsewhere.
 
     Weighted by Cauchy's function of the angle by which a ray misses, so that one wrong ray among
@@ -202,17 +207,33 @@ def intersect_rays(problem: Problem, subblock: SubBlock, rays: Array) -> Array:
     ----------
     rays
         (m, 3) rays of unit length in image axes.
+    wanted
+        (points,) those to be intersected; None: all.
     """
-    count = len(problem.points)
-    use = np.nonzero(subblock.oriented[problem.photo])[0]
-    photo, point = problem.photo[use], problem.point[use]
-    direction = np.einsum("nij,nj->ni", subblock.rotations[photo], rays[use])
+    out = np.full((len(problem.points), 3), np.nan)
+    mine = subblock.oriented[problem.photo]
+    if wanted is not None:
+        mine &= wanted[problem.point]
+    several = np.bincount(problem.point[mine], minlength=len(out)) > 1
+    use = np.nonzero(mine & several[problem.point])[0]
+    if not len(use):
+        return out
+    photo = problem.photo[use]
+    point = (np.cumsum(several) - 1)[problem.point[use]]
+    out[several] = _met(subblock, rays[use], photo, point)
+    return out
+
+
+def _met(subblock: SubBlock, rays: Array, photo: Index, point: Index) -> Array:
+    """Intersect (m, 3) rays of points counted from 0; see `intersect_rays`."""
+    count = int(point.max()) + 1
+    direction = np.einsum("nij,nj->ni", subblock.rotations[photo], rays)
     centre = subblock.centres[photo]
-    origin = np.nanmean(subblock.centres, axis=0) if len(use) else np.zeros(3)
+    origin = np.nanmean(subblock.centres, axis=0)
     centre = centre - origin
     plane = np.eye(3) - direction[:, :, None] * direction[:, None, :]
     toward = np.einsum("nij,nj->ni", plane, centre)
-    weight = np.ones(len(use))
+    weight = np.ones(len(rays))
     out = np.full((count, 3), np.nan)
     for _ in range(_ROUNDS):
         matrix = np.empty((count, 3, 3))
@@ -233,5 +254,5 @@ def intersect_rays(problem: Problem, subblock: SubBlock, rays: Array) -> Array:
             known = miss[np.isfinite(miss)]
             scale = max(3.0 * float(np.median(known)), 1e-9) if len(known) else 1.0
             weight = np.nan_to_num(1.0 / (1.0 + (miss / scale) ** 2), nan=1.0)
-    out[:] = out + origin
+    out += origin
     return out
