@@ -60,14 +60,13 @@ def write_answers(folder: Path, answers: Answers) -> tuple[str, ...]:
         An answer is wrong, the block exists, or it cannot be written.
     """
     from anaplot.exchange.newblock import write_new
+    from anaplot.station.waystoopen import ways_to_open
     from anaplot.textfiles.wording import plain
 
     new = new_block(folder, answers)
     block = write_new(folder, new)
     shown = plain(shlex.quote(str(folder)), 200)
-    following = f"anaplot open {shown} --simulate, or --profile NAME --port PORT"
-    if block.measuring.profile is not None:
-        following = f"anaplot open {shown} --simulate, or --port PORT"
+    following = f"anaplot open {shown} {ways_to_open(block)}"
     if block.image_points:
         following = f"anaplot {'bridge' if block.strips else 'adjust'} {shown}"
     camera = f"camera {plain(block.cameras[0].id)}: {new.camera.remark}"

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from pathlib import Path
+from typing import TextIO
 
 from anaplot.report.arguments import add_output, positive, whole
 from anaplot.report.commandparser import Commands
@@ -60,8 +62,22 @@ def _plotter_sim(options: argparse.Namespace) -> int:
         time_scale=options.time_scale,
         fault_rates=dict(options.fault or ()),
         hand=Hand(auto_pedal=options.auto_pedal),
-        control=None if sys.stdin is None or sys.stdin.closed else sys.stdin,
+        control=_control(),
     )
+
+
+def _control() -> TextIO | None:
+    """Return standard input, where lines can come from it."""
+    control = sys.stdin
+    if control is None or control.closed:
+        return None
+    if sys.platform != "win32" and control.isatty():
+        try:
+            # a terminal stops what reads from it in the background
+            return control if os.tcgetpgrp(control.fileno()) == os.getpgrp() else None
+        except OSError:  # no terminal of this session: it stops nobody
+            return control
+    return control
 
 
 def _fault(text: str) -> tuple[str, float]:

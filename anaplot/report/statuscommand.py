@@ -40,7 +40,7 @@ from anaplot.report.output import Output
 from anaplot.report.progress import working
 from anaplot.session.blockaccidents import block_accidents
 from anaplot.session.recomputed import Recomputed
-from anaplot.station.blockstatus import BlockStatus, NextStep, status_of
+from anaplot.station.blockstatus import BlockStatus, status_of
 from anaplot.station.blockview import BlockView
 from anaplot.station.edited import Journaled, journaled
 from anaplot.textfiles.wording import plain
@@ -238,7 +238,7 @@ def status_document(
         page.append(
             say("control: {} of {} measured", seen.control_seen, counted(seen.control, "point"))
         )
-    page.append(_block_line(status.block))
+    page.append(_block_line(status))
     page += [say("  look: {}", one.text).of("look") for one in status.accidents.photos]
     spots = status.weak_spots
     page += [say("  look: {}", spot.words).of("look") for spot in spots[:_MOST_SPOTS]]
@@ -251,7 +251,7 @@ def status_document(
 
         page += offset_advice_lines(status.block.offsets)
     page += [say("remark: {}", remark).of("remark") for remark in remarks]
-    page.append(_next_line(status.next).of("heading"))
+    page.append(_next_line(status).of("heading"))
     return Document(answer, tuple(page), (models, suspects))
 
 
@@ -329,9 +329,11 @@ def _left_out(view: BlockView) -> int:
     return max(len(view.weak) - _MOST_WEAK, 0)
 
 
-def _block_line(view: BlockView | None) -> Line:
+def _block_line(status: BlockStatus) -> Line:
+    view = status.block
     if view is None:
-        return say("block: nothing is measured yet")
+        in_work = any(model.state == "in work" for model in status.models)
+        return say(f"block: {'no model is accepted' if in_work else 'nothing is measured'} yet")
     if not view.solved:
         return say("block: {}", view.remark).of("look")
     flagged = sum(len(point.flagged) for point in view.suspects)
@@ -348,5 +350,5 @@ def _block_line(view: BlockView | None) -> Line:
     ) + (say(" and {}", others) if view.others else "")
 
 
-def _next_line(step: NextStep) -> Line:
-    return say("NEXT: {}: {}", step.words, step.command)
+def _next_line(status: BlockStatus) -> Line:
+    return say("NEXT: {}: {}", status.next.words, status.next_command)

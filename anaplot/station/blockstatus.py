@@ -17,6 +17,7 @@ from anaplot.session.workflow import Outlook, outlook
 from anaplot.station.blockview import SURE, BlockView, FlaggedObservation, percent
 from anaplot.station.modeltables import measured_in_files
 from anaplot.station.returnadvice import surely_wrong
+from anaplot.station.waystoopen import ways_to_open
 
 __all__ = [
     "BlockStatus",
@@ -174,6 +175,8 @@ class BlockStatus:
         What is to be done next.
     accidents
         Points that are numbered wrong, as far as they were looked for.
+    ways
+        With what the block is opened, for people.
     """
 
     strips: tuple[StripStatus, ...]
@@ -182,6 +185,13 @@ class BlockStatus:
     coverage: Coverage
     next: NextStep
     accidents: BlockAccidents = NO_ACCIDENTS
+    ways: str = ""
+
+    @property
+    def next_command(self) -> str:
+        """The next command as a person is told it: `open` with what connects an instrument."""
+        command = self.next.command
+        return command if self.next.do == "adjust" else f"{command} {self.ways}".rstrip()
 
     @property
     def models(self) -> Iterator[ModelStatus]:
@@ -297,7 +307,9 @@ def status_of(
         step = NextStep("return", f"anaplot open {folder}", wrong.model, point=wrong.accident.point)
     else:
         step = following(opened, measured, view, folder, held=is_held(block))
-    return BlockStatus(strips, recomputed, view, coverage_of(block), step, accidents)
+    return BlockStatus(
+        strips, recomputed, view, coverage_of(block), step, accidents, ways_to_open(block)
+    )
 
 
 def is_held(block: Block) -> bool:

@@ -39,6 +39,16 @@ def test_a_new_block_is_open(tmp_path: Path, capsys: pytest.CaptureFixture[str])
         "photo": None,
         "point": None,
     }
+    assert main(["status", str(folder)]) == 0
+    said = capsys.readouterr().out
+    assert "block: nothing is measured yet" in said
+    # `open` alone connects no instrument
+    profiled = "[measuring]\nprofile = 'simulated'\n"
+    assert said.endswith(f"anaplot open {folder} --simulate, or --profile NAME --port PORT\n")
+    with (folder / "block.toml").open("a") as file:
+        file.write(profiled)
+    assert main(["status", str(folder)]) == 0
+    assert capsys.readouterr().out.endswith(f"anaplot open {folder} --simulate, or --port PORT\n")
 
 
 def test_measured_models_without_a_session_are_accepted(
@@ -124,6 +134,8 @@ def test_the_session_says_what_is_in_work(
     assert model["redundancy"] == 2
     assert found["next"]["do"] == "measure"
     assert found["next"]["point"]
+    assert main(["status", str(folder)]) == 0
+    assert "block: no model is accepted yet" in capsys.readouterr().out
     # a journal that cannot be read is told, and the files are believed
     journal.write_text("".join(lines).replace('"point":"101-1"', '"point":"101-7"', 1))
     found = status(folder, capsys)

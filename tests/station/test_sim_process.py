@@ -6,7 +6,9 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
 from processes import ROOT, running
+from programs import at_terminal
 
 from anaplot.cli import main
 from anaplot.exchange.blockfolder import read_block, write_new_block
@@ -60,3 +62,19 @@ def test_inner_orientation_and_a_model_over_the_port_of_another_process(tmp_path
     assert [inner.accepted is not None for inner in model.inner] == [True, True]
     assert process.returncode == 0
     assert main(["replay", str(block), "--check"]) == 0
+
+
+@pytest.mark.slow
+def test_the_simulator_goes_on_in_the_background_of_an_interactive_shell(tmp_path: Path) -> None:
+    """A terminal stops what reads from it in the background."""
+    sim = f"{sys.executable} -m anaplot plotter sim anaplot-ascii --link ./port"
+    with at_terminal(
+        [sys.executable, "-c", "import pty; pty.spawn(['bash', '--norc', '-i'])"], tmp_path
+    ) as shell:
+        shell.until(lambda screen: screen.strip())  # the prompt
+        shell.type(f"{sim} &\r")
+        shell.until(lambda screen: "SIMULATED  anaplot" in screen)
+        watch = f"{sys.executable} -m anaplot plotter watch ./port anaplot-ascii --seconds 1"
+        shell.type(f"clear; {watch}; jobs; kill %1\r")
+        shell.until(lambda screen: "link      live" in screen and "Running" in screen)
+        shell.type("exit\r")

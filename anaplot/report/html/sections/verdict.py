@@ -226,7 +226,7 @@ def _next(found: BlockAdjustment, status: BlockStatus) -> Line:
             _strategy(found),
         )
     if step.do in ("measure", "return", "accept"):
-        return say("Next: {}: {}", step.words, step.command).of("look")
+        return say("Next: {}: {}", step.words, status.next_command).of("look")
     if suspects:
         _, photo, point, axis = suspects[0]
         return say(
