@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import shlex
-from collections.abc import Container
+from collections.abc import Container, Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -47,6 +47,7 @@ from anaplot.textfiles.wording import plain
 
 if TYPE_CHECKING:
     from anaplot.bundle.solve.adjusted import AdjustedBlock
+    from anaplot.orientation.strip import BridgedStrip
 
 __all__ = ["adjusted_status", "block_status", "run_status", "status_document"]
 
@@ -106,7 +107,10 @@ def block_status(folder: Path) -> tuple[BlockStatus, Journaled, BlockContents, B
 
 
 def adjusted_status(
-    folder: Path | None, block: Block, adjusted: AdjustedBlock
+    folder: Path | None,
+    block: Block,
+    adjusted: AdjustedBlock,
+    bridged: Iterable[BridgedStrip] = (),
 ) -> tuple[BlockStatus, Journaled]:
     """Return where a block stands that is adjusted already, and its journal.
 
@@ -118,6 +122,8 @@ def adjusted_status(
         As it was read.
     adjusted
         The same adjusted.
+    bridged
+        Its strips, as far as they are bridged already.
     """
     from anaplot.bundle.live import answer_of
     from anaplot.station.blockanswer import view_of
@@ -125,7 +131,7 @@ def adjusted_status(
     found = Journaled() if folder is None else journaled(folder, block)
     view = view_of(answer_of(adjusted), BlockView("", 0, False), None, most_weak=_MOST_WEAK)
     name = "BLOCK" if folder is None else plain(shlex.quote(str(folder)))
-    return status_of(block, found.state, view, name, block_accidents(block)), found
+    return status_of(block, found.state, view, name, block_accidents(block), bridged), found
 
 
 def _view(block: Block) -> BlockView | None:

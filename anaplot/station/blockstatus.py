@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 from anaplot.orientation.results import ModelSolution
-from anaplot.orientation.strip import bridge_strip
+from anaplot.orientation.strip import BridgedStrip, bridge_strip
 from anaplot.photogrammetry.block import Block, Strip
 from anaplot.session.blockaccidents import NO_ACCIDENTS, BlockAccidents
 from anaplot.session.modelstate import ModelState
@@ -272,6 +272,7 @@ def status_of(
     view: BlockView | None,
     folder: str,
     accidents: BlockAccidents = NO_ACCIDENTS,
+    bridged: Iterable[BridgedStrip] = (),
 ) -> BlockStatus:
     """Return where a block stands, from its files.
 
@@ -287,14 +288,26 @@ def status_of(
         How the command line names the block.
     accidents
         Points that are numbered wrong.
+    bridged
+        Strips of the block as `bridge` has them; those that are missing are bridged here.
     """
+    known = {one.strip: one for one in bridged}
     suspected = suspected_models(view)
     ahead = None if state is None or state.current is None else outlook(state)
     there = measured_in_files(block)
     recomputed = () if state is None else recomputed_models(state)
     anew = {one.name for one in recomputed}
     strips = tuple(
-        _strip(block, strip, state, ahead, there, suspected, anew) for strip in block.strips
+        _strip(
+            known.get(strip.id) or bridge_strip(block, strip),
+            strip,
+            state,
+            ahead,
+            there,
+            suspected,
+            anew,
+        )
+        for strip in block.strips
     )
     opened = next((m.name for strip in strips for m in strip.models if m.state == "open"), "")
     measured = bool(block.image_points)
@@ -360,7 +373,7 @@ def standing(
 
 
 def _strip(
-    block: Block,
+    bridged: BridgedStrip,
     strip: Strip,
     state: SessionState | None,
     ahead: Outlook | None,
@@ -368,7 +381,6 @@ def _strip(
     suspected: frozenset[str],
     anew: Set[str],
 ) -> StripStatus:
-    bridged = bridge_strip(block, strip)
     solved = {(model.left, model.right): model for model in bridged.models}
     models = []
     for left, right in strip.models():

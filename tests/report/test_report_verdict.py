@@ -12,6 +12,7 @@ import pytest
 
 import anaplot
 from anaplot.cli import main
+from anaplot.orientation.strip import bridge, orient
 from anaplot.photogrammetry.block import Block
 from anaplot.report.astext import line_text
 from anaplot.report.html.sections.verdict import verdict_lines
@@ -119,3 +120,22 @@ def test_names_of_files_stand_in_the_page_of_a_folder(planned: Block, tmp_path: 
     assert written.size == (tmp_path / "r.html").stat().st_size
     assert {path.suffix for path in written.figures} == {".svg"}
     assert (tmp_path / "figures" / "block-map.svg") in written.figures
+
+
+def test_every_strip_is_bridged_once_for_a_report(
+    planned: Block, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    formed: list[str] = []
+
+    def counting(pair: Any, *settings: Any) -> Any:
+        formed.append(f"{pair.left}/{pair.right}")
+        return orient(pair, *settings)
+
+    found = anaplot.adjust(noisy(planned))
+    monkeypatch.setattr("anaplot.orientation.strip.orient", counting)
+    alone = bridge(noisy(planned))
+    of_bridge, formed[:] = list(formed), []
+    report = anaplot.block_report(found, tmp_path)
+    assert len(alone) == 2
+    assert formed == of_bridge
+    assert "models" in {one.key for one in report.sections}

@@ -13,7 +13,7 @@ from anaplot.report.blockadjustment import BlockAdjustment
 from anaplot.report.blocksummary import summary_tables
 from anaplot.report.computed import Computed
 from anaplot.report.document import Line, Table
-from anaplot.report.html.evidence import evidence_sections
+from anaplot.report.html.evidence import Bridged, bridged_strips, evidence_sections
 from anaplot.report.html.lengths import sections_with_lengths_of
 from anaplot.report.html.parts import Section
 from anaplot.report.html.sections.adjusted import (
@@ -77,7 +77,13 @@ class Material:
     @cached_property
     def status(self) -> BlockStatus:
         """Where the block stands."""
-        return adjusted_status(self.folder, self.measured, self.block)[0]
+        bridged = () if isinstance(self.bridged, str) else self.bridged
+        return adjusted_status(self.folder, self.measured, self.block, bridged)[0]
+
+    @cached_property
+    def bridged(self) -> Bridged:
+        """Its strips, for the verdict and for the models."""
+        return bridged_strips(self.measured)
 
     @property
     def block(self) -> AdjustedBlock:
@@ -98,7 +104,9 @@ def block_sections(material: Material) -> tuple[Section, ...]:
 
 def _sections(material: Material) -> Iterator[Section | None]:
     found, document = material.adjusted.result, material.adjusted.document
-    evidence = evidence_sections(material.adjusted, material.folder, material.plates)
+    evidence = evidence_sections(
+        material.adjusted, material.folder, material.plates, material.bridged
+    )
     by_key = {section.key: section for section in evidence}
     yield glance_section(found, document, material.free)
     yield by_key.pop("rejected", None)

@@ -6,9 +6,11 @@ import os
 import shlex
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
+from typing import TypeAlias
 
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import check_for_bridge
+from anaplot.orientation.strip import BridgedStrip
 from anaplot.orientation.strip import bridge as bridge_strips
 from anaplot.photogrammetry.block import Block
 from anaplot.report.blockadjustment import BlockAdjustment
@@ -35,7 +37,10 @@ from anaplot.report.logcommand import log_document
 from anaplot.station.sessionlog import read_log
 from anaplot.textfiles.wording import plain
 
-__all__ = ["block_plates", "evidence_sections"]
+__all__ = ["Bridged", "block_plates", "bridged_strips", "evidence_sections"]
+
+Bridged: TypeAlias = tuple[BridgedStrip, ...] | str
+"""The strips of a block, or why they are not bridged."""
 
 _PROTOCOL = "Protocol of the measurements"
 
@@ -68,6 +73,7 @@ def evidence_sections(
     found: Computed[BlockAdjustment],
     folder: Path | None = None,
     plates: Sequence[OrientedPlate] = (),
+    bridged: Bridged | None = None,
 ) -> tuple[Section, ...]:
     """Return what is said of a block beside its adjustment, in the order of the page.
 
@@ -79,12 +85,27 @@ def evidence_sections(
         The block's folder, which is only read; None: there are no models and no journal.
     plates
         Inner orientations, from `block_plates`.
+    bridged
+        From `bridged_strips`; None: they are bridged here.
     """
-    return tuple(one for one in _sections(found, folder, plates) if one is not None)
+    sections = _sections(found, folder, plates, bridged)
+    return tuple(one for one in sections if one is not None)
+
+
+def bridged_strips(block: Block) -> Bridged:
+    """Return the strips of a block, or why they are not bridged."""
+    try:
+        check_for_bridge(block)
+        return bridge_strips(block)
+    except InputError as error:
+        return str(error)
 
 
 def _sections(
-    found: Computed[BlockAdjustment], folder: Path | None, plates: Sequence[OrientedPlate]
+    found: Computed[BlockAdjustment],
+    folder: Path | None,
+    plates: Sequence[OrientedPlate],
+    bridged: Bridged | None,
 ) -> Iterator[Section | None]:
     answer = found.document.answer
     yield photos_section(answer)
@@ -94,7 +115,8 @@ def _sections(
     yield rejected_section(found.result)
     if folder is not None and found.result.block.problem.block.strips:
         block = found.result.block.problem.block
-        yield _models(block, image_units(block).small)
+        strips = bridged_strips(block) if bridged is None else bridged
+        yield _models(block, strips, image_units(block).small)
     yield inner_section(plates)
     yield switched_off_section(answer)
     if folder is not None:
@@ -105,14 +127,11 @@ def _has_journal(folder: Path) -> bool:
     return os.path.lexists(folder / "sessions")
 
 
-def _models(block: Block, unit: str) -> Section | None:
+def _models(block: Block, strips: Bridged, unit: str) -> Section | None:
     """Return the models as `bridge` has them; accidents are looked for once, for the verdict."""
-    try:
-        check_for_bridge(block)
-        strips = bridge_strips(block)
-    except InputError as error:
-        return Section("models", "Models", (say("Strips are not bridged: {}", str(error)),))
-    figure = figures_of_models(BridgedBlock(tuple(strips)), unit)
+    if isinstance(strips, str):
+        return Section("models", "Models", (say("Strips are not bridged: {}", strips),))
+    figure = figures_of_models(BridgedBlock(strips), unit)
     return models_section(bridge_document(block, strips).answer, figure)
 
 
