@@ -75,7 +75,7 @@ class Section:
         Whether only the heading is shown until it is opened; on paper it always is.
     on_paper
         "columns": what is within it stands in two columns there; "beside": tables of few columns
-        stand beside each other, and all of it on one page where it has room; "drawing": its heading
+        stand beside each other, and all of it on one page where it has room; "untitled": its heading
         is left out, since that of its drawing says the same.
     """
 
@@ -83,7 +83,7 @@ class Section:
     title: str | Line
     blocks: tuple[HtmlBlock, ...]
     folded: bool = False
-    on_paper: Literal["", "columns", "beside", "drawing"] = ""
+    on_paper: Literal["", "columns", "beside", "untitled"] = ""
 
 
 HtmlBlock: TypeAlias = Line | Listed | Table | Captioned | Facts | Definitions | Drawing | Section

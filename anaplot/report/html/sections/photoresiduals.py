@@ -49,5 +49,5 @@ def photo_residuals_section(block: AdjustedBlock) -> Section | None:
             title = say("Photo {}", name)
             if checks[k].flagged:
                 title += say(": {} flagged", checks[k].flagged)
-            blocks.append(Section(f"residuals-of-{k + 1}", title, (drawn,), True, "drawing"))
+            blocks.append(Section(f"residuals-of-{k + 1}", title, (drawn,), True, "untitled"))
     return Section("photo-residuals", "Residuals photo by photo", tuple(blocks))
