@@ -286,6 +286,10 @@ def test_every_column_has_a_definition(folder: Path) -> None:
     shown = columns_shown(report)
     assert len(shown) > 60
     assert {(key, one.key) for key, one in shown if definition_of(key, one.key) is None} == set()
+    # the pairs of a point's rays, and the matrix of a model's orientation, have the same key
+    said = {key: definition_of("correlations", key) for key in ("point", "first_photo", "phi")}
+    assert said["point"] == definition_of("rays", "point")
+    assert len(set(said.values())) == 3
     tables = {table.key for table in tables_in(report.sections)}
     people = {one.key for one in found.document.tables if one.for_people() and len(one)}
     assert people - tables == set()

@@ -308,6 +308,18 @@ _BY_TABLE: dict[tuple[str, str], Definition] = {
     ("models", "of"): Definition("which two elements are correlated most"),
     ("models", "flagged"): Definition("number of flagged rows"),
     ("models", "off"): Definition("number of rows that are switched off"),
+    # of a point's rays; the matrix of a model's orientation has this name, too
+    ("correlations", "point"): _BY_KEY["point"],
+    **{
+        ("correlations", f"{which}_{part}"): Definition(
+            "photo, model and coordinate of two residuals of the point that are correlated"
+        )
+        for which in ("first", "second")
+        for part in ("photo", "model", "axis")
+    },
+    ("correlations", "correlation"): Definition(
+        "correlation of these two residuals", "rho = q_ij / sqrt(q_ii q_jj) of Q_vv"
+    ),
     ("orientation", "what"): Definition("value, or its standard deviation"),
     ("photos", "flagged"): Definition("number of its flagged image coordinates"),
     **{

@@ -75,8 +75,8 @@ class Section:
         Whether only the heading is shown until it is opened; on paper it always is.
     on_paper
         "columns": what is within it stands in two columns there; "beside": tables of few columns
-        stand beside each other, and all of it on one page where it has room; "untitled": its heading
-        is left out, since that of its drawing says the same.
+        stand beside each other, and all of it on one page where it has room; "untitled": its
+        heading is left out, since that of its drawing says the same.
     """
 
     key: str
