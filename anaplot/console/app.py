@@ -245,23 +245,25 @@ def run_console(
     """
     interval = sys.getswitchinterval()
     try:
-        keys = (
-            load_keymap(default_path(), required=False) if keymap is None else load_keymap(keymap)
-        )
-        kept = Kept(default_path().with_name("console.toml"))
-        app = ConsoleApp(
-            station,
-            keys,
-            controls=controls,
-            kept=kept,
-            temporary=keep is not None,
-            report=report,
-        )
-        sys.setswitchinterval(_SWITCH)
-        result = app.run()
+        # threads are waited for at the end of the loop: the block is free before
+        with asyncio.Runner() as runner, contextlib.closing(station):
+            keys = (
+                load_keymap(default_path(), required=False)
+                if keymap is None
+                else load_keymap(keymap)
+            )
+            app = ConsoleApp(
+                station,
+                keys,
+                controls=controls,
+                kept=Kept(default_path().with_name("console.toml")),
+                temporary=keep is not None,
+                report=report,
+            )
+            sys.setswitchinterval(_SWITCH)
+            result = app.run(loop=runner.get_loop())
     finally:
         sys.setswitchinterval(interval)
-        station.close()
     if result == KEPT and keep is not None:
         keep()
     return app.return_code or 0

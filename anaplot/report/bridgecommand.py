@@ -7,7 +7,7 @@ import math
 from collections.abc import Sequence
 from contextlib import nullcontext
 from functools import partial
-from typing import NamedTuple, TypeAlias, get_args
+from typing import Any, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -313,13 +313,16 @@ def bridge_document(
     *,
     matrix: bool = False,
     correlations: bool = False,
+    progress: Progress | None = None,
 ) -> Document:
     """Return the document of a block's strips, as `bridge_block` returns them.
 
-    A strip that ended early carries "error" beside its models.
+    A strip that ended early carries "error" beside its models. `progress` is told of every strip.
     """
-    answers, page, models, rejected = [], list[Block](), [], []
+    answers, page, models, rejected = list[dict[str, Any]](), list[Block](), [], []
     for declared, (strip, cleaned) in zip(block.strips, map(_parts, strips), strict=True):
+        if progress is not None:
+            progress("tables of models", len(answers) / len(block.strips))
         here = []
         for k, model in enumerate(strip.models):
             one = model_document(

@@ -33,7 +33,7 @@ def keep_report(
     datum
         As for `adjust`; None: that of control and priors, or where they leave it open a free one.
     progress
-        Called while the block is adjusted; what it raises ends it.
+        Told of every step, the last time before the page has its name; what it raises ends it.
 
     Returns
     -------
@@ -47,11 +47,12 @@ def keep_report(
         report is left behind then.
     """
     ours = adjusted_in_datum(lambda one: adjust(folder, datum=one, progress=progress), datum)
-    report = block_report(ours.adjusted, folder, free=ours.line)
+    report = block_report(ours.adjusted, folder, free=ours.line, progress=progress)
     reports = folder / REPORTS
     with all_or_nothing():
         make_folder(reports)
-        return write_report(report, _free(reports, f"{datetime.now().astimezone():%Y-%m-%d-%H%M}"))
+        page = _free(reports, f"{datetime.now().astimezone():%Y-%m-%d-%H%M}")
+        return write_report(report, page, progress=progress)
 
 
 def _free(folder: Path, name: str) -> Path:

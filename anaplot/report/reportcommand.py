@@ -7,6 +7,7 @@ import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from anaplot.aliases import Progress
 from anaplot.bundle.solve.problem import Datum
 from anaplot.exchange.blockfolder import block_files
 from anaplot.exchange.blockpack import block_paths
@@ -67,7 +68,7 @@ def run_report(options: argparse.Namespace) -> int:
         lambda datum: computed(_in_datum(options, datum), adjust), options.datum
     )
     found = ours.adjusted
-    with working("the page"):
+    with working("the page") as line:
         plates = block_plates(options.block, options.fiducials)
         unchanged(files, checked_files(computing))
         made = provenance(
@@ -75,7 +76,7 @@ def run_report(options: argparse.Namespace) -> int:
             chosen_options(add_report_arguments, options),
             files,
         )
-        material = Material(found, options.block, plates, ours.line)
+        material = Material(found, options.block, plates, ours.line, line)
         report = _report(material, made, options.angles)
         written = write_report(report, options.output, options.figures, most_rows=options.rows)
     document = found.document
@@ -101,6 +102,7 @@ def block_report(
     *,
     angles: AngleUnit = "deg",
     free: Line | None = None,
+    progress: Progress | None = None,
 ) -> Report:
     """Return the report of an adjusted block.
 
@@ -116,11 +118,13 @@ def block_report(
         Unit of angles in its tables.
     free
         What is said of a free datum that nobody asked for; None: nothing.
+    progress
+        Told of every step; may raise to end it.
     """
     path = None if folder is None else Path(folder)
     if plates is None:
         plates = () if path is None else block_plates(path)
-    material = Material(found, path, tuple(plates), free)
+    material = Material(found, path, tuple(plates), free, progress)
     return _report(material, provenance(), angles)
 
 

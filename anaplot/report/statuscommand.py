@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from anaplot.aliases import Progress
 from anaplot.errors import AnaplotError, NotComputableError
 from anaplot.exchange.blockfolder import read_block
 from anaplot.photogrammetry.block import Block
@@ -111,6 +112,7 @@ def adjusted_status(
     block: Block,
     adjusted: AdjustedBlock,
     bridged: Iterable[BridgedStrip] = (),
+    progress: Progress | None = None,
 ) -> tuple[BlockStatus, Journaled]:
     """Return where a block stands that is adjusted already, and its journal.
 
@@ -124,6 +126,8 @@ def adjusted_status(
         The same adjusted.
     bridged
         Its strips, as far as they are bridged already.
+    progress
+        Told of the accidents that are looked for; may raise to end it.
     """
     from anaplot.bundle.live import answer_of
     from anaplot.station.blockanswer import view_of
@@ -131,7 +135,8 @@ def adjusted_status(
     found = Journaled() if folder is None else journaled(folder, block)
     view = view_of(answer_of(adjusted), BlockView("", 0, False), None, most_weak=_MOST_WEAK)
     name = "BLOCK" if folder is None else plain(shlex.quote(str(folder)))
-    return status_of(block, found.state, view, name, block_accidents(block), bridged), found
+    accidents = block_accidents(block, progress)
+    return status_of(block, found.state, view, name, accidents, bridged), found
 
 
 def _view(block: Block) -> BlockView | None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
+from anaplot.aliases import Progress
 from anaplot.orientation.striptie import FEWEST
 from anaplot.photogrammetry.block import Block
 from anaplot.session.accidents import Accident, accidents_in
@@ -69,7 +70,7 @@ class BlockAccidents:
 NO_ACCIDENTS = BlockAccidents()
 
 
-def block_accidents(block: Block) -> BlockAccidents:
+def block_accidents(block: Block, progress: Progress | None = None) -> BlockAccidents:
     """Return the numbering accidents of a block.
 
     Parameters
@@ -77,6 +78,8 @@ def block_accidents(block: Block) -> BlockAccidents:
     block
         With image points and control. A strip counts up to the first model that has no points or
         cannot be computed, as in the bridge.
+    progress
+        Told how much of its strips is looked through; may raise to end it.
     """
     known = Known.of(block.control, None)
     models = filed_models(block)
@@ -86,7 +89,9 @@ def block_accidents(block: Block) -> BlockAccidents:
     before: dict[str, tuple[ModelState, ...]] = {}
     found: list[FiledAccident] = []
     unchecked = []
-    for strip in block.strips:
+    for k, strip in enumerate(block.strips):
+        if progress is not None:
+            progress("accidents of numbering", k / len(block.strips))
         own = consecutive(block, strip.id, tuple(m for m in models if m.strip == strip.id))
         if sum(len(m.measured) for m in own) > MOST_MEASUREMENTS:
             unchecked.append(strip.id)

@@ -853,7 +853,7 @@ def test_running_leaves_threads_to_take_turns_as_before(monkeypatch, tmp_path, f
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
     before, within = sys.getswitchinterval(), []
 
-    def run(self):
+    def run(self, **_):
         within.append(sys.getswitchinterval())
         if fails:
             raise InputError("no screen")
@@ -872,7 +872,7 @@ def test_running_returns_what_the_application_says(monkeypatch, tmp_path):
     (tmp_path / "anaplot" / "keymap.toml").write_text('record = "f5"\n')
     seen = []
 
-    def run(self):
+    def run(self, **_):
         seen.append(self._keys_of_user)
 
     monkeypatch.setattr(ConsoleApp, "run", run)
@@ -880,6 +880,27 @@ def test_running_returns_what_the_application_says(monkeypatch, tmp_path):
     assert run_console(station) == 0
     assert seen == [{"record": "f5"}]
     assert station.closed == 1
+
+
+def test_the_station_is_closed_before_threads_are_waited_for(monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
+    station, let, waited = FakeStation(), threading.Event(), []
+    close = station.close
+
+    def closing():
+        close()
+        let.set()
+
+    def run(self, *, loop):
+        async def left():
+            loop.run_in_executor(None, lambda: waited.append(let.wait(10)))
+
+        loop.run_until_complete(left())
+
+    monkeypatch.setattr(station, "close", closing)
+    monkeypatch.setattr(ConsoleApp, "run", run)
+    assert run_console(station) == 0
+    assert waited == [True]
 
 
 async def test_large_numbers_and_longer_names_keep_apart():

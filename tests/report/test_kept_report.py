@@ -138,6 +138,37 @@ def test_what_progress_raises_ends_it_and_nothing_is_left(folder: Path) -> None:
     assert not (folder / REPORTS).exists()
 
 
+def test_it_can_be_given_up_until_the_page_has_its_name(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class EnoughError(Exception):
+        pass
+
+    told: list[str] = []
+
+    def telling(what: str, _share: float) -> None:
+        assert not list(folder.glob(f"{REPORTS}/*.html"))
+        told.append(what)
+        if len(told) == stop:
+            raise EnoughError
+
+    # of the adjustment nothing is told here
+    monkeypatch.setattr(
+        "anaplot.report.keptreport.adjust", lambda block, *, datum, progress: adjust(block)
+    )
+    stop = 0
+    keep_report(folder, progress=telling).page.unlink()
+    (folder / REPORTS).rmdir()
+    most = len(told)
+    assert {"accidents of numbering", "models", "tables of models", "the page"} <= set(told)
+    for share in (0.0, 0.5, 1.0):
+        stop = max(int(share * most), 1)
+        told.clear()
+        with pytest.raises(EnoughError):
+            keep_report(folder, progress=telling)
+        assert not (folder / REPORTS).exists()
+
+
 @pytest.mark.skipif(sys.platform == "win32" or os.geteuid() == 0, reason="root writes anywhere")
 def test_a_block_that_cannot_be_written_is_one_line(folder: Path) -> None:
     folder.chmod(0o500)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+from anaplot.aliases import Progress
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.photogrammetry.block import Block
 from anaplot.report.blockadjustment import BlockAdjustment
@@ -60,12 +61,15 @@ class Material:
         Inner orientations of its photos.
     free
         What is said of a free datum that nobody asked for; None: nothing.
+    progress
+        Told of every step; may raise to end it.
     """
 
     adjusted: Computed[BlockAdjustment]
     folder: Path | None = None
     plates: tuple[OrientedPlate, ...] = ()
     free: Line | None = None
+    progress: Progress | None = None
 
     @cached_property
     def summary(self) -> Mapping[str, Table]:
@@ -78,12 +82,12 @@ class Material:
     def status(self) -> BlockStatus:
         """Where the block stands."""
         bridged = () if isinstance(self.bridged, str) else self.bridged
-        return adjusted_status(self.folder, self.measured, self.block, bridged)[0]
+        return adjusted_status(self.folder, self.measured, self.block, bridged, self.progress)[0]
 
     @cached_property
     def bridged(self) -> Bridged:
         """Its strips, for the verdict and for the models."""
-        return bridged_strips(self.measured)
+        return bridged_strips(self.measured, self.progress)
 
     @property
     def block(self) -> AdjustedBlock:
@@ -98,14 +102,25 @@ class Material:
 
 def block_sections(material: Material) -> tuple[Section, ...]:
     """Return the sections of a block's report; one that has nothing to say is left out."""
-    found = (section for section in _sections(material) if section is not None)
+    found = (section for section in _told(material) if section is not None)
     return sections_with_lengths_of(material.measured, found)
+
+
+def _told(material: Material) -> Iterator[Section | None]:
+    for section in _sections(material):
+        if material.progress is not None:
+            material.progress("the page", 0.0)
+        yield section
 
 
 def _sections(material: Material) -> Iterator[Section | None]:
     found, document = material.adjusted.result, material.adjusted.document
     evidence = evidence_sections(
-        material.adjusted, material.folder, material.plates, material.bridged
+        material.adjusted,
+        material.folder,
+        material.plates,
+        material.bridged,
+        material.progress,
     )
     by_key = {section.key: section for section in evidence}
     yield glance_section(found, document, material.free)

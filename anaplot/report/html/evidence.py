@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TypeAlias
 
+from anaplot.aliases import Progress
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import check_for_bridge
 from anaplot.orientation.strip import BridgedStrip
@@ -74,6 +75,7 @@ def evidence_sections(
     folder: Path | None = None,
     plates: Sequence[OrientedPlate] = (),
     bridged: Bridged | None = None,
+    progress: Progress | None = None,
 ) -> tuple[Section, ...]:
     """Return what is said of a block beside its adjustment, in the order of the page.
 
@@ -87,16 +89,23 @@ def evidence_sections(
         Inner orientations, from `block_plates`.
     bridged
         From `bridged_strips`; None: they are bridged here.
+    progress
+        Told of every step; may raise to end it.
     """
-    sections = _sections(found, folder, plates, bridged)
-    return tuple(one for one in sections if one is not None)
+    sections = []
+    for section in _sections(found, folder, plates, bridged, progress):
+        if progress is not None:
+            progress("the page", 0.0)
+        if section is not None:
+            sections.append(section)
+    return tuple(sections)
 
 
-def bridged_strips(block: Block) -> Bridged:
-    """Return the strips of a block, or why they are not bridged."""
+def bridged_strips(block: Block, progress: Progress | None = None) -> Bridged:
+    """Return the strips of a block, or why they are not bridged; `progress` is told of models."""
     try:
         check_for_bridge(block)
-        return bridge_strips(block)
+        return bridge_strips(block, progress)
     except InputError as error:
         return str(error)
 
@@ -106,6 +115,7 @@ def _sections(
     folder: Path | None,
     plates: Sequence[OrientedPlate],
     bridged: Bridged | None,
+    progress: Progress | None,
 ) -> Iterator[Section | None]:
     answer = found.document.answer
     yield photos_section(answer)
@@ -115,8 +125,8 @@ def _sections(
     yield rejected_section(found.result)
     if folder is not None and found.result.block.problem.block.strips:
         block = found.result.block.problem.block
-        strips = bridged_strips(block) if bridged is None else bridged
-        yield _models(block, strips, image_units(block).small)
+        strips = bridged_strips(block, progress) if bridged is None else bridged
+        yield _models(block, strips, image_units(block).small, progress)
     yield inner_section(plates)
     yield switched_off_section(answer)
     if folder is not None:
@@ -127,12 +137,12 @@ def _has_journal(folder: Path) -> bool:
     return os.path.lexists(folder / "sessions")
 
 
-def _models(block: Block, strips: Bridged, unit: str) -> Section | None:
+def _models(block: Block, strips: Bridged, unit: str, progress: Progress | None) -> Section | None:
     """Return the models as `bridge` has them; accidents are looked for once, for the verdict."""
     if isinstance(strips, str):
         return Section("models", "Models", (say("Strips are not bridged: {}", strips),))
     figure = figures_of_models(BridgedBlock(strips), unit)
-    return models_section(bridge_document(block, strips).answer, figure)
+    return models_section(bridge_document(block, strips, progress=progress).answer, figure)
 
 
 def _protocol(folder: Path) -> Section:

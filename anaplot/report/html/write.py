@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
+from anaplot.aliases import Progress
 from anaplot.drawing.standalone import standalone
 from anaplot.errors import InputError
 from anaplot.report.ascsv import csv_text
@@ -100,6 +101,7 @@ def write_report(
     figures: str | os.PathLike[str] | None = None,
     *,
     most_rows: int = MOST_ROWS,
+    progress: Progress | None = None,
 ) -> Written:
     """Write a report, all of it or nothing.
 
@@ -114,6 +116,8 @@ def write_report(
     most_rows
         How many rows a table may have that the page shows whole. Of a longer one it shows what
         needs a look; the whole stands in the folder PATH.tables then.
+    progress
+        Told before every file; may raise to end it.
 
     Raises
     ------
@@ -134,6 +138,8 @@ def write_report(
             if some and where is not None:
                 make_folder(where)
         for name, data in (files | drawings | {page: html}).items():
+            if progress is not None:
+                progress("the page", 0.0)
             if os.path.lexists(name):
                 replace_whole(name, data)
             else:
