@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -128,14 +128,16 @@ def bridge_strip(
     strip: Strip,
     *,
     form: Callable[[Stereopair], ModelSolution] | None = None,
+    rows: Mapping[str, Sequence[ImagePoint]] | None = None,
 ) -> BridgedStrip:
     """Form the models of a strip one after another, as the operator would.
 
     A model that cannot be computed ends the strip; the models before it stand. `form` makes the
-    model of a pair; None: it is oriented as it is.
+    model of a pair; None: it is oriented as it is. `rows` are the block's, photo by photo; None:
+    they are sorted here, which is much for every strip of many.
     """
     models: list[ModelSolution] = []
-    rows = rows_by_photo(block.image_points)
+    rows = rows_by_photo(block.image_points) if rows is None else rows
     before: Mapping[str, ImagePoint] = {}
     for photos in strip.models():
         left, right = (
@@ -170,7 +172,8 @@ def bridge(block: Block, progress: Progress | None = None) -> tuple[BridgedStrip
         formed += 1
         return orient(pair, block.precision, block.test)
 
-    return tuple(bridge_strip(block, strip, form=form) for strip in block.strips)
+    rows = rows_by_photo(block.image_points)
+    return tuple(bridge_strip(block, strip, form=form, rows=rows) for strip in block.strips)
 
 
 def pooled_sigma_um(models: tuple[ModelSolution, ...]) -> float | None:
