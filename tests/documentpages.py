@@ -5,14 +5,17 @@
   nothing stands below a command, its output is not compared. `# ends with 2` behind a command is
   its exit code.
 - A `bash` block holds commands alone, which end with 0. One with ` &` at its end goes on until the
-  page does; the next waits for its first line.
-- A `python` block is run; the blocks of a page share their names.
-- `<!-- file: NAME -->` on the line before a block writes it into the page's folder.
+  page does; the next waits for its first line, and it has to have one.
+- A `python` block is run; the blocks of a page share their names. `# -> TEXT` behind a line is one
+  that the block prints, in the order of the page; three dots stand for anything there too.
+- `<!-- file: NAME -->` on the line before a block of another language writes it into the page's
+  folder.
 - `<!-- not run: REASON -->` there leaves a block out.
 - `<!-- first:` on a line, commands, and `-->`: these are run there and not shown.
 
-All of a page is run from top to bottom in one empty folder. Commands with a word in capitals
-(`anaplot adjust BLOCK`) stand for many: they are parsed and not run.
+All of a page is run from top to bottom in one empty folder. In blocks without a language commands
+with a word in capitals (`anaplot adjust BLOCK`) stand for many: they are parsed and not run. Other
+languages than those of `LANGUAGES`, and other fences, are refused.
 
     python tests/documentpages.py docs/table.md    # the page as its commands would have it now
 """
@@ -38,10 +41,38 @@ from processes import running
 ROOT = Path(__file__).parents[1]
 SHELL = ("console", "bash", "first")
 RUN = ("console", "bash", "python")
+LANGUAGES = (*RUN, "first", "indented", "", "toml", "csv", "text", "cpp", "{eval-rst}", "{toctree}")
+PLACES = frozenset(
+    [
+        "BLOCK",
+        "NEWBLOCK",
+        "FOLDER",
+        "FILE",
+        "PROJECT",
+        "MODEL",
+        "SOURCE",
+        "TARGET",
+        "NAME",
+        "KIND",
+        "SET",
+        "PROFILE",
+        "PORT",
+        "SESSION",
+        "EPOCH1",
+        "EPOCH2",
+        "EPOCH3",
+        "E1",
+        "E2",
+        "E3",
+        "NEXT",
+    ]
+)
 
 _MARK = re.compile(r"<!-- (file|not run): (.+) -->")
 _PLACE = re.compile(r"(?<![\w$:-])[A-Z][A-Z0-9]+(?![\w:-])")
 _ENDS = re.compile(r"\s+# ends with (\d+)$")
+_SAID = re.compile(r"  # -> (.+)$", re.MULTILINE)
+_OTHER = re.compile(r"\s+(?:```|~~~)|~~~")
 _SHELL = re.compile(r"[|<>;&$*?`(]")
 
 
@@ -72,13 +103,17 @@ def fences(text: str) -> list[Fence]:
     while k < len(lines):
         start = lines[k]
         begin = k + 1
+        assert not _OTHER.match(start), f"line {begin}: a fence of another kind"
         if start.startswith("```"):
             closing = re.compile(rf"`{{{len(start) - len(start.lstrip('`'))},}}\s*$")
             k = next(i for i in range(begin, len(lines)) if closing.match(lines[i]))
             mark = _MARK.fullmatch(lines[begin - 2]) if begin > 1 else None
             given = {mark[1].replace(" ", "_"): mark[2]} if mark else {}
             inside = tuple(lines[begin:k])
-            found.append(Fence(begin + 1, start.strip("` "), inside, **given))
+            fence = Fence(begin + 1, start.strip("` "), inside, **given)
+            assert fence.language in LANGUAGES, f"line {begin}: {fence.language!r} is not known"
+            assert fence.file is None or fence.language not in RUN, f"line {begin}: file, or run?"
+            found.append(fence)
         elif start == "<!-- first:":
             k = lines.index("-->", begin)
             found.append(Fence(begin + 1, "first", tuple(lines[begin:k])))
@@ -88,6 +123,10 @@ def fences(text: str) -> list[Fence]:
             inside = tuple(line[4:] for line in lines[begin - 1 : k + 1])
             found.append(Fence(begin, "indented", inside))
         k += 1
+    for fence in found:
+        if fence.language in ("", "indented"):
+            shown = any(line.startswith("$ ") for line in fence.lines)
+            assert not shown, f"line {fence.line}: commands with output are a block of console"
     return found
 
 
@@ -131,7 +170,8 @@ def _command(line: int, words: str, said: list[str]) -> Command:
 
 def stands_for_many(command: str) -> bool:
     """Whether a command has a word in capitals that the reader replaces."""
-    return any(_PLACE.search(word) for word in command.split()[1:])
+    words = command.split()[1:]
+    return any(place in PLACES for word in words for place in _PLACE.findall(word))
 
 
 def parsed(words: list[str]) -> str | None:
@@ -201,6 +241,12 @@ def agrees(said: tuple[str, ...], output: str) -> bool:
     return re.fullmatch("".join(parts), text) is not None
 
 
+def not_printed(code: str, output: str) -> list[str]:
+    """Return what comments (`# -> TEXT`) say that code prints, and it does not, in this order."""
+    lines = iter(output.splitlines())
+    return [said for said in _SAID.findall(code) if not any(agrees((said,), one) for one in lines)]
+
+
 class Ran(NamedTuple):
     """What a command of a page did."""
 
@@ -232,15 +278,22 @@ def run_page(text: str, name: str, folder: Path, *, left: Collection[str] = ()) 
                 for command in commands(fence):
                     if command.words.endswith(" &"):
                         words = [sys.executable, "-m", *shlex.split(command.words[:-2])]
-                        process = going_on.enter_context(running(words, stdin=subprocess.DEVNULL))
+                        process = going_on.enter_context(
+                            running(words, stdin=subprocess.DEVNULL, stderr=subprocess.STDOUT)
+                        )
                         assert process.stdout is not None
-                        yield Ran(command, process.poll() or 0, process.stdout.readline())
-                    elif not stands_for_many(command.words):
+                        first = process.stdout.readline()
+                        # what goes on says SIMULATED; what says something else has failed
+                        works = first.startswith("SIMULATED") and process.poll() is None
+                        yield Ran(command, 0 if works else 1, first)
+                    else:
                         yield Ran(command, *run(command.words))
             elif fence.language == "python":
                 code = "\n" * (fence.line - 1) + "\n".join(fence.lines)
-                with contextlib.redirect_stdout(io.StringIO()):
+                with contextlib.redirect_stdout(io.StringIO()) as printed:
                     exec(compile(code, name, "exec"), names)
+                missing = not_printed(code, printed.getvalue())
+                assert missing == [], f"{name}:{fence.line}: not printed: {missing}"
 
 
 def _now(page: Path) -> str:

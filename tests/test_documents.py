@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from documentpages import RUN, SHELL, commands, fences, parsed, prose, run_page, stands_for_many
+from extras import needed
 
 from anaplot.plotter.profile import find_profiles, load_profile
 
@@ -33,7 +34,6 @@ NOT_RUN = {
     "errors.md": 1,
     "handbook.md": 1,
     "instruments.md": 1,
-    "planning.md": 1,
     "teaching.md": 2,
 }
 
@@ -102,8 +102,8 @@ def test_every_command_is_known(page: Path) -> None:
         shell = fence.language in SHELL
         if shell or fence.language in ("", "indented"):
             calls = [one for one in commands(fence) if one.words.startswith("anaplot ")]
-            many = any(stands_for_many(one.words) for one in calls)
-            assert shell or many or not calls, f"line {fence.line}: a block of bash, or console"
+            many = all(stands_for_many(one.words) for one in calls)
+            assert shell or many, f"line {fence.line}: a block of bash, or console"
             # what is shown to be refused is run, and the answer compared
             right = [one.words for one in calls if one.ends != 2]
             told = [(words, parsed(shlex.split(words.removesuffix(" &"))[1:])) for words in right]
@@ -190,5 +190,40 @@ def test_a_page_is_run_and_compared(tmp_path: Path) -> None:
     assert [one.words for one in many] == ["anaplot adjust BLOCK --errors NAME"]
     assert parsed(["adjust", "b", "--errors", "odds"]) is None
     assert "--erors" in (parsed(["adjust", "b", "--erors", "odds"]) or "")
+    [shown] = run_page("```bash\nanaplot plotter nosuch &\n```\n", "page", tmp_path)
+    assert not shown.as_said
+    [refused] = run_page("```bash\nanaplot adjust b --prior XY\n```\n", "page", tmp_path)
+    assert not refused.as_said
+    printed = "```python\nprint(7)  # -> 7\nprint('a 8')  # -> ... {}\n```\n"
+    assert list(run_page(printed.format("8"), "page", tmp_path)) == []
+    with pytest.raises(AssertionError, match="not printed: ..... 9"):
+        list(run_page(printed.format("9"), "page", tmp_path))
     with pytest.raises(ZeroDivisionError):
         list(run_page("```python\n1 / 0\n```\n", "page", tmp_path))
+
+
+@pytest.mark.parametrize(
+    "page",
+    [
+        "```sh\nfalse\n```\n",
+        "~~~bash\nfalse\n~~~\n",
+        "- one\n\n  ```bash\n  false\n  ```\n",
+        "```\n$ false\n```\n",
+        "    $ false\n",
+        "<!-- file: a -->\n```console\n$ false\n```\n",
+    ],
+)
+def test_what_would_be_run_by_nobody_is_refused(page: str) -> None:
+    with pytest.raises(AssertionError, match="line [1-6]:"):
+        fences(page)
+
+
+def test_a_missing_extra_is_an_error_where_it_has_to_be_there(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.delenv("ANAPLOT_EXTRAS", raising=False)
+    with pytest.raises(pytest.skip.Exception, match="the extra docs is not installed"):
+        needed("no_such_module", "docs")
+    monkeypatch.setenv("ANAPLOT_EXTRAS", "1")
+    with pytest.raises(ModuleNotFoundError):
+        needed("no_such_module", "docs")

@@ -18,6 +18,7 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import numpy as np
 import pytest
+from documentpages import not_printed
 
 import anaplot
 from anaplot.cli import main
@@ -384,11 +385,14 @@ def test_a_replay_gives_the_models_of_the_session(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", range(len(EXAMPLES)))
-def test_the_examples_of_the_page(number: int, here: Path) -> None:
+def test_the_examples_of_the_page(
+    number: int, here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     code = EXAMPLES[number]
     if "to_frame" in code and importlib.util.find_spec("pandas") is None:
         pytest.skip("pandas is not installed")
     exec(compile(code, f"docs/library.md example {number + 1}", "exec"), {})
+    assert not_printed(code, capsys.readouterr().out) == []
 
 
 def test_the_page_shows_every_name() -> None:

@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from extras import needed
 from processes import ROOT, running
 
 FOLDER = ROOT / "docs" / "notebooks"
@@ -65,7 +66,7 @@ def test_a_notebook_teaches_by_what_it_asserts(path: Path) -> None:
 
 
 def test_a_notebook_is_valid() -> None:
-    nbformat = pytest.importorskip("nbformat", reason="the extra notebooks is not installed")
+    nbformat = needed("nbformat", "notebooks")
     for path in NOTEBOOKS:
         nbformat.validate(nbformat.read(path, as_version=4))
 
@@ -87,7 +88,7 @@ def executed(path: Path, folder: Path) -> tuple[int, str]:
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_every_cell_does_what_it_says(path: Path, tmp_path: Path) -> None:
     for module in ("nbclient", "nbformat", "ipykernel", "matplotlib"):
-        pytest.importorskip(module, reason="the extra notebooks is not installed")
+        needed(module, "notebooks")
     before = path.read_bytes(), sorted(FOLDER.iterdir())
     code, said = executed(path, tmp_path)
     assert code == 0, said[-3000:]
@@ -101,7 +102,7 @@ def test_every_cell_does_what_it_says(path: Path, tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_a_cell_that_is_wrong_is_told(tmp_path: Path) -> None:
     for module in ("nbclient", "nbformat", "ipykernel"):
-        pytest.importorskip(module, reason="the extra notebooks is not installed")
+        needed(module, "notebooks")
     book = json.loads(NOTEBOOKS[0].read_text(encoding="utf-8"))
     book["cells"] = [book["cells"][1] | {"source": ["assert 1 + 1 == 3"]}]
     wrong = tmp_path / "wrong.ipynb"

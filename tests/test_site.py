@@ -10,8 +10,9 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
+from extras import needed
 
-pytest.importorskip("sphinx", reason="the extra docs is not installed")
+needed("sphinx", "docs")
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("site")]
 
 ROOT = Path(__file__).parents[1]

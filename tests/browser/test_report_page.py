@@ -18,13 +18,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from extras import needed
 
 import anaplot
 from anaplot.cli import main
 from anaplot.exchange.blockfolder import write_image_points
 
-playwright = pytest.importorskip("playwright.sync_api", reason="the extra browser is not there")
-axe = pytest.importorskip("axe_playwright_python.sync_playwright")
+playwright = needed("playwright.sync_api", "browser")
+axe = needed("axe_playwright_python.sync_playwright", "browser")
 
 pytestmark = [pytest.mark.slow, pytest.mark.long, pytest.mark.xdist_group("browser")]
 
