@@ -36,6 +36,7 @@ from anaplot.report.document import (
 )
 from anaplot.report.document import Block as Part
 from anaplot.report.journalnote import journal_answer
+from anaplot.report.keptblock import without_rejected
 from anaplot.report.lengthunits import with_lengths_of
 from anaplot.report.output import Output
 from anaplot.report.progress import working
@@ -116,6 +117,8 @@ def adjusted_status(
 ) -> tuple[BlockStatus, Journaled]:
     """Return where a block stands that is adjusted already, and its journal.
 
+    Models and numbering are looked at without the image points that were rejected.
+
     Parameters
     ----------
     folder
@@ -125,7 +128,7 @@ def adjusted_status(
     adjusted
         The same adjusted.
     bridged
-        Its strips, as far as they are bridged already.
+        Its strips without what is rejected, as far as they are bridged already.
     progress
         Told of the accidents that are looked for; may raise to end it.
     """
@@ -135,8 +138,9 @@ def adjusted_status(
     found = Journaled() if folder is None else journaled(folder, block)
     view = view_of(answer_of(adjusted), BlockView("", 0, False), None, most_weak=_MOST_WEAK)
     name = "BLOCK" if folder is None else plain(shlex.quote(str(folder)))
-    accidents = block_accidents(block, progress)
-    return status_of(block, found.state, view, name, accidents, bridged), found
+    kept = without_rejected(adjusted)
+    accidents = block_accidents(kept, progress)
+    return status_of(kept, found.state, view, name, accidents, bridged), found
 
 
 def _view(block: Block) -> BlockView | None:

@@ -27,6 +27,7 @@ from anaplot.report.html.blocksections import Material, block_sections
 from anaplot.report.html.definitions import definition_of
 from anaplot.report.html.parts import Report, tables_in
 from anaplot.report.html.sections.definitions import columns_shown
+from anaplot.report.keptblock import without_rejected
 
 NAMES = {
     "03-02": "<script>alert('x')</script>",
@@ -155,7 +156,7 @@ def written(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Pat
         to = ("-o", str(page), "--json", "--to", str(csv_files))
         assert main(["report", str(folder), *to, *OPTIONS]) == 0
         begun = printed.tell()
-        assert main(["bridge", str(folder), "--json"]) == 0
+        assert main(["bridge", str(without_errors(folder, place)), "--json"]) == 0
     text = printed.getvalue()
     answer = {**json.loads(text[:begun]), "bridge": json.loads(text[begun:])}
     answer["files"] = [
@@ -192,12 +193,12 @@ def put_together(answer: dict[str, Any]) -> Iterator[list[dict[str, Any]]]:
             of_pair = {(i, j): rho[i][j] for i in range(len(rho)) for j in range(i + 1, len(rho))}
             i, j = max(of_pair, key=lambda pair: abs(of_pair[pair]))
             rows = [row for row in model["table"] if row["sigf"] is not None]
-            worst = max(rows, key=lambda row: row["sigf"])
+            worst = max(rows, key=lambda row: row["sigf"], default=None)
             overview.append(
                 {"strip": strip["strip"], **{k: model[k] for k in ("left", "right")},
                  "sigma0_um": model["sigma0_um"], "redundancy": model["redundancy"],
-                 "ties": len(model["ties"]), "largest": worst["sigf"],
-                 "at": f"{worst['point']} {worst['axis']}",
+                 "ties": len(model["ties"]), "largest": worst and worst["sigf"],
+                 "at": worst and f"{worst['point']} {worst['axis']}",
                  "flagged": sum(row["flagged"] for row in model["table"]),
                  "off": sum(bool(row.get("off")) for row in model["table"]),
                  "correlation": of_pair[i, j], "of": f"{elements[i]} {elements[j]}",
@@ -217,6 +218,15 @@ def told_of(row: dict[str, Any], key: str) -> Any:
     return (
         1e3 * float(np.linalg.norm(value)) if isinstance(value, list) and key in LENGTHS else value
     )
+
+
+def without_errors(folder: Path, place: Path) -> Path:
+    """The block without the image points that `OPTIONS` reject a coordinate of."""
+    found = anaplot.adjust(folder, errors="baarda", additional="ebner", additional_sigma_um=5.0)
+    assert found.result.rejected
+    kept = shutil.copytree(folder, place / "kept")
+    write_image_points(kept, without_rejected(found.result.block).image_points)
+    return kept
 
 
 def value_of(text: str) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +11,7 @@ from anaplot.adjustment.partners import likeliest
 from anaplot.adjustment.reliability import HARD_TO_TELL
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 
-__all__ = ["ImageCoordinate", "Suspect", "likeliest_suspects"]
+__all__ = ["ImageCoordinate", "Suspect", "likeliest_suspect", "likeliest_suspects"]
 
 
 class ImageCoordinate(NamedTuple):
@@ -56,11 +57,19 @@ def likeliest_suspects(block: AdjustedBlock) -> tuple[Suspect, ...]:
     Of coordinates of a point that are hard to tell apart the likeliest stands for all, see
     `adjustment.partners`: at a point of two rays that with the largest redundancy number.
     """
+    return tuple(_suspects(block))
+
+
+def likeliest_suspect(block: AdjustedBlock) -> Suspect | None:
+    """Return the first of `likeliest_suspects`, without looking at the others."""
+    return next(_suspects(block), None)
+
+
+def _suspects(block: AdjustedBlock) -> Iterator[Suspect]:
     problem = block.problem
     flagged = np.argwhere(block.flagged)
     order = np.argsort(-np.abs(block.w[flagged[:, 0], flagged[:, 1]]), kind="stable")
     known: set[tuple[int, int]] = set()
-    found: list[Suspect] = []
     for ray, axis in flagged[order].tolist():
         if (ray, axis) in known:
             continue
@@ -74,13 +83,10 @@ def likeliest_suspects(block: AdjustedBlock) -> tuple[Suspect, ...]:
         alike = np.flatnonzero(np.abs(np.nan_to_num(rho[best])) >= HARD_TO_TELL)
         alike = alike[np.argsort(-r[alike], kind="stable")]
         known.update((int(rays[k // 2]), int(k % 2)) for k in (*alike.tolist(), at))
-        found.append(
-            Suspect(
-                problem.points[point],
-                ImageCoordinate(*labels[best]),
-                float(abs(w[best])),
-                float(r[best]),
-                tuple(ImageCoordinate(*labels[k]) for k in alike.tolist() if k != best),
-            )
+        yield Suspect(
+            problem.points[point],
+            ImageCoordinate(*labels[best]),
+            float(abs(w[best])),
+            float(r[best]),
+            tuple(ImageCoordinate(*labels[k]) for k in alike.tolist() if k != best),
         )
-    return tuple(found)

@@ -37,7 +37,7 @@ from anaplot.bundle.solve.selection import left_out_sentences
 from anaplot.photogrammetry.block import ControlPoint
 from anaplot.photogrammetry.rotation import rotation_angles, rotation_axes
 
-__all__ = ["AdjustedBlock"]
+__all__ = ["AdjustedBlock", "observation_in_words"]
 
 
 _PORTION = 4096  # rays that are rows at a time
@@ -187,7 +187,7 @@ class AdjustedBlock:
         Kinds are "image", "control", "point prior", "prior" (of an orientation), "parameter" and
         "condition".
         """
-        return [(abs(row.w or 0.0), *_in_words(row.key)) for row in self.tested.worst]
+        return [(abs(row.w or 0.0), *observation_in_words(row.key)) for row in self.tested.worst]
 
     def global_test(self) -> GlobalTest | None:
         """Return Baarda's global test of sigma0^2 that is consistent with the single tests.
@@ -447,7 +447,7 @@ def _conditions_left(cofactors: Cofactors) -> Array:
     return np.where(conditions.rejected, there, normal.conditions_left(factor))
 
 
-def _in_words(name: ObservationName) -> tuple[str, str]:
+def observation_in_words(name: ObservationName) -> tuple[str, str]:
     """Return what was observed in words, and of which kind it is."""
     kind, what, *_ = name
     if kind == "image":

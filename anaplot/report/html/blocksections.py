@@ -28,6 +28,7 @@ from anaplot.report.html.sections.glance import (
     glance_section,
 )
 from anaplot.report.html.sections.innerorientations import OrientedPlate
+from anaplot.report.keptblock import without_rejected
 from anaplot.report.statuscommand import adjusted_status
 from anaplot.station.blockstatus import BlockStatus
 
@@ -86,8 +87,8 @@ class Material:
 
     @cached_property
     def bridged(self) -> Bridged:
-        """Its strips, for the verdict and for the models."""
-        return bridged_strips(self.measured, self.progress)
+        """Its strips without what is rejected, for the verdict and for the models."""
+        return bridged_strips(without_rejected(self.block), self.progress)
 
     @property
     def block(self) -> AdjustedBlock:

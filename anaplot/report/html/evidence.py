@@ -5,10 +5,12 @@ from __future__ import annotations
 import os
 import shlex
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TypeAlias
 
 from anaplot.aliases import Progress
+from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import check_for_bridge
 from anaplot.orientation.strip import BridgedStrip
@@ -16,6 +18,7 @@ from anaplot.orientation.strip import bridge as bridge_strips
 from anaplot.photogrammetry.block import Block
 from anaplot.report.blockadjustment import BlockAdjustment
 from anaplot.report.bridgecommand import BridgedBlock, bridge_document
+from anaplot.report.columns import counted
 from anaplot.report.computed import Computed
 from anaplot.report.document import say
 from anaplot.report.figures.bridged import figures_of_models
@@ -34,6 +37,7 @@ from anaplot.report.html.sections.parametermatrix import parameter_matrix_sectio
 from anaplot.report.html.sections.photoresiduals import photo_residuals_section
 from anaplot.report.html.sections.photos import photos_section
 from anaplot.report.html.sections.switchedoff import protocol_blocks, switched_off_section
+from anaplot.report.keptblock import without_rejected
 from anaplot.report.logcommand import log_document
 from anaplot.station.sessionlog import read_log
 from anaplot.textfiles.wording import plain
@@ -124,9 +128,10 @@ def _sections(
     yield parameter_matrix_section(answer, parameter_matrix(found.result.block))
     yield rejected_section(found.result)
     if folder is not None and found.result.block.problem.block.strips:
-        block = found.result.block.problem.block
-        strips = bridged_strips(block, progress) if bridged is None else bridged
-        yield _models(block, strips, image_units(block).small, progress)
+        adjusted = found.result.block
+        if bridged is None:
+            bridged = bridged_strips(without_rejected(adjusted), progress)
+        yield _models(adjusted, bridged, progress)
     yield inner_section(plates)
     yield switched_off_section(answer)
     if folder is not None:
@@ -137,12 +142,19 @@ def _has_journal(folder: Path) -> bool:
     return os.path.lexists(folder / "sessions")
 
 
-def _models(block: Block, strips: Bridged, unit: str, progress: Progress | None) -> Section | None:
+def _models(adjusted: AdjustedBlock, strips: Bridged, progress: Progress | None) -> Section | None:
     """Return the models as `bridge` has them; accidents are looked for once, for the verdict."""
     if isinstance(strips, str):
         return Section("models", "Models", (say("Strips are not bridged: {}", strips),))
-    figure = figures_of_models(BridgedBlock(strips), unit)
-    return models_section(bridge_document(block, strips, progress=progress).answer, figure)
+    block = without_rejected(adjusted)
+    figure = figures_of_models(BridgedBlock(strips), image_units(block).small)
+    section = models_section(bridge_document(block, strips, progress=progress).answer, figure)
+    gone = len(adjusted.problem.block.image_points) - len(block.image_points)
+    if section is None or not gone:
+        return section
+    line = say("Without {} of which the adjustment rejects a coordinate.",
+               counted(gone, "image point")).of("remark")  # fmt: skip
+    return replace(section, blocks=(line, *section.blocks))
 
 
 def _protocol(folder: Path) -> Section:
