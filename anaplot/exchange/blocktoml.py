@@ -184,8 +184,9 @@ def parse_block_toml(text: str, path: Path, camera_files: Mapping[str, str] | No
 def with_photos(photos: Iterable[Photo], names: Iterable[str], camera: str) -> tuple[Photo, ...]:
     """Return photos and, after them, those of a camera that are only named; none twice."""
     known = {photo.id: photo for photo in photos}
-    for name in names:
-        known.setdefault(name, Photo(name, camera))
+    for name in dict.fromkeys(names):
+        if name not in known:
+            known[name] = Photo(name, camera)
     return tuple(known.values())
 
 

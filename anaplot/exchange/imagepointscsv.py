@@ -295,6 +295,8 @@ def _check_models(table: CsvColumns, photos: Iterable[str], strips: Collection[S
 
     Without strips every pair of photos may have been a model.
     """
+    if not any(table["model"]):
+        return
     known: dict[str, set[str]] = {photo: set() for photo in photos}
     for strip in strips:
         for left, right in strip.models():

@@ -59,9 +59,10 @@ def error_sets_of(block: AdjustedBlock, given: Iterable[str]) -> tuple[ErrorSet,
     InputError
         No such point, photo or ray; a file that cannot be read, or names what there is not.
     """
-    every = [*block.observations.names]
+    asked = list(given)
+    every = [*block.observations.names] if asked else []
     out = []
-    for one in given:
+    for one in asked:
         kind, colon, what = one.partition(":")
         if colon and kind in ("point", "photo", "ray"):
             out.append(_named_set(every, one, kind, what))

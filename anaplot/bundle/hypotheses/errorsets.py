@@ -189,6 +189,8 @@ def error_set_tests(block: AdjustedBlock, sets: Sequence[ErrorSet]) -> tuple[Err
         An observation that there is not, a set without any that counts, or one of more than
         `MOST_IN_A_SET`.
     """
+    if not sets:
+        return ()
     system = residuals_of(block)
     place = {name: row for row, name in enumerate(system.names)}
     use = block.tested.use

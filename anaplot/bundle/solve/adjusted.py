@@ -311,17 +311,17 @@ class AdjustedBlock:
         rays = np.bincount(problem.point, minlength=len(problem.points))
         first = np.full(len(problem.points), len(problem.block.image_points))
         np.minimum.at(first, problem.point, problem.source)
-        diagonal = np.einsum("nii->ni", self.cofactors.points)
-        at = self.state.points + self.state.origin
+        order = np.argsort(first)
+        # all at once: they are as many as half the rays
+        s = self._deviations(np.einsum("nii->ni", self.cofactors.points)[order].ravel())
+        at = (self.state.points + self.state.origin)[order].tolist()
         return [
-            PointRow(
-                problem.points[k],
-                _triple(at[k]),
-                self._deviations(diagonal[k]),  # type: ignore[arg-type]
-                int(rays[k]),
+            PointRow(problem.points[k], (x, y, z), s_xyz, count)
+            for k, (x, y, z), s_xyz, count in zip(
+                order.tolist(), at, zip(s[::3], s[1::3], s[2::3], strict=True),
+                rays[order].tolist(), strict=True,
             )
-            for k in np.argsort(first).tolist()
-        ]
+        ]  # fmt: skip
 
     def check_rows(self) -> list[tuple[str, _Difference]]:
         """Return adjusted minus given coordinates [m] of the check points.
@@ -434,7 +434,7 @@ class AdjustedBlock:
     def _deviations(self, q: Array) -> tuple[float | None, ...]:
         if self.sigma is None:
             return (None,) * len(q)
-        return tuple(self.sigma * sqrt(max(value, 0.0)) for value in q.tolist())
+        return tuple((self.sigma * np.sqrt(np.where(q < 0.0, 0.0, q))).tolist())
 
 
 def _conditions_left(cofactors: Cofactors) -> Array:

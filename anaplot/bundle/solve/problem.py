@@ -412,7 +412,9 @@ def make_problem(
         located.approximate(priors[0], priors[1], 0)
         located.approximate(priors[2], priors[3], 3)
     expected, expected_sigma, not_needed = expected_coordinates(block, names, fixed, held)
-    counted = np.array([[row.counts("x"), row.counts("y")] for row in rows])
+    each = {row.use: row for row in rows}.values()
+    of_use = {row.use: [row.counts("x"), row.counts("y")] for row in each}
+    counted = np.array([of_use[row.use] for row in rows])
     has_prior = np.isfinite(priors[1]).sum(axis=1) + np.isfinite(priors[3]).sum(axis=1)
     observed = (fixed | np.isfinite(known_sigma) | np.isfinite(expected_sigma)).sum(axis=1)
     if located is not None:
