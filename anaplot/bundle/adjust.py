@@ -23,7 +23,12 @@ from anaplot.bundle.solve.openmovement import held_by_noise, parameters_left_ope
 from anaplot.bundle.solve.problem import Datum, Problem, make_problem
 from anaplot.bundle.solve.reliability import compute_cofactors
 from anaplot.bundle.solve.structure import Structure, make_structure
-from anaplot.bundle.start.approximate import approximate_ways, laid_onto_control, restricted
+from anaplot.bundle.start.approximate import (
+    approximate_ways,
+    doubtful,
+    laid_onto_control,
+    restricted,
+)
 from anaplot.bundle.start.pull import minimum_nearby
 from anaplot.bundle.start.robust import (
     RobustState,
@@ -47,6 +52,7 @@ __all__ = [
 
 _FITS = 4.0  # sigma0 up to which a minimum is not held against others
 _SOFT = 1e-8  # pivot over diagonal below which a minimum may hang on rounding or noise
+_TRIES = 40  # steps after which a doubtful start waits until the others have failed
 _TORN = 50.0  # sigma0 above which a robust solution is asked for the culprit
 
 
@@ -205,10 +211,10 @@ def _searched(
     reached: BlockState | None = None
     least = float("inf")
 
-    def minimum(at: BlockState, structure: Structure) -> Minimum | None:
+    def minimum(at: BlockState, structure: Structure, tries: int | None = None) -> Minimum | None:
         nonlocal best, failure, reached, least
         try:
-            found = find_minimum(problem, at, structure, progress=progress)
+            found = find_minimum(problem, at, structure, tries=tries, progress=progress)
         except NoConvergenceError as error:
             value = objective(problem, error.state)[0]
             if value < least:
@@ -233,9 +239,11 @@ def _searched(
             closest = _Closest(solution, structure)
         return solution
 
-    for way in approximate_ways(problem):
+    ways = approximate_ways(problem)
+    waiting: list[BlockState] = []
+    while ways or waiting:
         try:
-            start = way(progress)
+            start = ways.pop(0)(progress) if ways else waiting.pop(0)
             if start is None:
                 continue
             structure = make_structure(problem, start.centres)
@@ -246,9 +254,13 @@ def _searched(
             continue
         # what is not determined is so from every start
         check_datum(problem, start, linearise(problem, start))
-        found = minimum(start, structure)
+        wait = bool(ways) and doubtful(problem, start)
+        found = minimum(start, structure, _TRIES if wait else None)
         if found is not None and _fits(problem, found):
             break
+        if found is None and wait:
+            waiting.append(start)
+            continue
         # no gross error is looked for where a lens that is unknown yet bends everything
         by_lens = None if found is None else _explained_by_lens(whole, found, progress)
         if found is not None and by_lens is not None:

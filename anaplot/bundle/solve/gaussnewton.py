@@ -99,6 +99,7 @@ def find_minimum(
     start: BlockState,
     structure: Structure,
     *,
+    tries: int | None = None,
     progress: Progress | None = None,
 ) -> Minimum:
     """Minimise v'Pv by damped Gauss-Newton steps (Levenberg and Marquardt).
@@ -112,6 +113,8 @@ def find_minimum(
     ----------
     problem, start, structure
         The bundle, approximate values, and the structure of its normal equations.
+    tries
+        Steps, also those taken back, after which the start is given up; None: as many as it takes.
     progress
         Called with what is being done and the fraction of it.
 
@@ -159,6 +162,8 @@ def find_minimum(
                 if downhill and (done or new_behind <= behind or damping > _BEHIND):
                     break
             damped += 1
+            if tries is not None and accepted + damped >= tries:
+                raise NoConvergenceError(_ended(problem, value, accepted), state)
             if step is None and damping == 0.0:
                 open_here = True
             damping, growth = max(damping * growth, _LEAST), 2.0 * growth

@@ -28,6 +28,7 @@ from anaplot.photogrammetry.rotation import rotation_matrix
 __all__ = [
     "SEARCHES",
     "approximate_ways",
+    "doubtful",
     "extended_state",
     "laid_onto_control",
     "restricted",
@@ -40,7 +41,9 @@ SEARCHES = BRIDGING, _PAIRS, _PHOTOS
 
 Way = Callable[[Progress | None], BlockState | None]
 
-_BELIEVED = 0.05  # share of c by which given orientations may miss, in the median
+_BELIEVED = 0.05  # share of c by which approximate orientations may miss, in the median
+_DOUBTFUL = 0.02  # the same, from which a start often leads nowhere
+_GROWN = 4.0  # sigmas by which rays of a block grown from a good seed miss, in the median
 
 
 def approximate_ways(problem: Problem) -> list[Way]:
@@ -48,8 +51,10 @@ def approximate_ways(problem: Problem) -> list[Way]:
 
     What the block states; bridged strips; the photos as vertical ones; bridged strips together with
     pairs in any attitude; such pairs alone. A way returns None where it does not apply, and raises
-    NotComputableError where it does not get through.
+    NotComputableError where it does not get through. Level photos whose rays miss by more than a
+    twentieth of c in the median come last of all.
     """
+    put_off: list[BlockState] = []
     rays, by_photo = unit_rays(problem), rays_of_photos(problem)
 
     def stated(progress: Progress | None) -> BlockState | None:
@@ -69,7 +74,13 @@ def approximate_ways(problem: Problem) -> list[Way]:
 
     def level(progress: Progress | None) -> BlockState | None:
         subblock = vertical_subblock(problem)
-        return None if subblock is None else state_of(problem, subblock)
+        if subblock is None:
+            return None
+        state = state_of(problem, subblock)
+        if _misses(problem, subblock) > _BELIEVED:
+            put_off.append(state)
+            return None
+        return state
 
     def mixed(progress: Progress | None) -> BlockState | None:
         free = parts(progress)
@@ -80,7 +91,22 @@ def approximate_ways(problem: Problem) -> list[Way]:
     def paired(progress: Progress | None) -> BlockState | None:
         return _joined(problem, rays, by_photo, [], progress)
 
-    return [stated, bridged, level, mixed, paired]
+    def hopeless(progress: Progress | None) -> BlockState | None:
+        return put_off.pop() if put_off else None
+
+    return [stated, bridged, level, mixed, paired, hopeless]
+
+
+def doubtful(problem: Problem, start: BlockState) -> bool:
+    """Whether the rays of a start miss by so much that few steps tell whether it leads anywhere."""
+    return _misses(problem, SubBlock(start.centres, start.rotations, start.points)) > _DOUBTFUL
+
+
+def _misses(problem: Problem, subblock: SubBlock) -> float:
+    """Return by which share of c rays miss their points, in the median; infinite without rays."""
+    size = subblock.residuals(problem) / problem.c[problem.photo]
+    size = size[~np.isnan(size)]
+    return float(np.median(size)) if len(size) else float("inf")
 
 
 def _joined(
@@ -242,11 +268,7 @@ def _given(problem: Problem, rays: Array) -> SubBlock | None:
     known = np.isfinite(problem.near).all(axis=1)
     subblock.points[known] = problem.near[known]
     subblock.place(problem, rays)
-    size = subblock.residuals(problem) / problem.c[problem.photo]
-    size = size[~np.isnan(size)]
-    if len(size) == 0 or float(np.median(size)) > _BELIEVED:
-        return None
-    return subblock
+    return None if _misses(problem, subblock) > _BELIEVED else subblock
 
 
 def _from_control(problem: Problem, by_photo: list[Index]) -> SubBlock:
@@ -263,7 +285,8 @@ def _seed_pairs(
 ) -> list[SubBlock]:
     """Start from a pair of photos in any attitude, the one from which most photos follow."""
     sets = [set(problem.point[index].tolist()) for index in by_photo]
-    n = len(problem.photos)
+    n = int(sum(len(index) > 0 for index in by_photo))
+    fits = _GROWN * float(np.median(problem.sigma))
     candidates = _most_in_common(problem, by_photo)
     best: SubBlock | None = None
     best_score = (-1, 0.0)
@@ -286,6 +309,8 @@ def _seed_pairs(
             score = (int(subblock.oriented.sum()), -error)
             if score > best_score:
                 best, best_score = subblock, score
+            if best_score[0] == n and -best_score[1] < fits:
+                return [subblock]
         if best is not None and best_score[0] == n and count >= 1:
             break
     return [] if best is None else [best]
@@ -314,12 +339,13 @@ def _spread(
     progress: Progress | None,
 ) -> None:
     """Add photos and points until nothing more can be added; all points from all rays."""
+    tried: dict[int, tuple[int, int]] = {}
     while True:
         if progress is not None:
             progress(_PHOTOS, float(subblock.oriented.mean()))
         added = 0
         for fewest in (6, 5, 4):
-            added = subblock.add_photos(problem, by_photo, fewest)
+            added = subblock.add_photos(problem, by_photo, fewest, tried=tried)
             if added:
                 break
         placed = subblock.place(problem, rays)

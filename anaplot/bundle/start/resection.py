@@ -7,11 +7,17 @@ from typing import NamedTuple
 import numpy as np
 
 from anaplot.aliases import Array, Index
-from anaplot.photogrammetry.collinearity import project, project_with_derivatives, turns
+from anaplot.photogrammetry.collinearity import project_with_derivatives, turns
 
 __all__ = ["Resection", "resect", "three_point_resection"]
 
 _SAMPLES = 80  # half of the triples that are tried
+_JUDGES = 60  # points by which triples are judged at most
+_REFINED = 4  # candidates that are refined
+_STEPS = 30
+_LITTLE = 1e-4  # share of what is minimised: a step that brings less is the last
+_STUCK = 1e5  # damping from which no step is tried
+_TINY = 1e-300  # holds what no point in front of the photo determines
 
 
 class Resection(NamedTuple):
@@ -124,6 +130,7 @@ def resect(xy: Array, c: float, points: Array) -> Resection | None:
     rng = np.random.default_rng(0)
     rays = np.column_stack((xy, np.full(n, -c)))
     rays /= np.linalg.norm(rays, axis=1)[:, None]
+    judges = np.arange(n) if n <= _JUDGES else rng.permutation(n)[:_JUDGES]
     if n <= 8:
         index = np.array(
             [(i, j, k) for i in range(n) for j in range(i + 1, n) for k in range(j + 1, n)]
@@ -133,17 +140,24 @@ def resect(xy: Array, c: float, points: Array) -> Resection | None:
     centres, rotations, _ = three_point_resection(rays[index], points[index])
     if len(centres) == 0:
         return None
+    error = _residuals(centres, rotations, c, points[judges], xy[judges])
+    at = min(len(judges) - 1, max(len(judges) // 2, 3))
+    best = np.argsort(np.partition(error, at, axis=1)[:, at])[:_REFINED]
+    # side by side on some of the points; the one that is best there on all of them
+    centres, rotations = _refine(centres[best], rotations[best], c, points[judges], xy[judges])
     error = _residuals(centres, rotations, c, points, xy)
-    middle = np.partition(error, min(n - 1, max(n // 2, 3)), axis=1)[:, min(n - 1, max(n // 2, 3))]
-    best: Resection | None = None
-    best_size = float("inf")
-    for k in np.argsort(middle)[:4].tolist():
-        centre, rotation = _refine(centres[k], rotations[k], c, points, xy)
+    size = np.sort(error, axis=1)[:, : max(4, (3 * n) // 4)].mean(axis=1)
+    if not float(size.min()) < np.inf:
+        return None
+    k = int(np.argmin(size))
+    centre, rotation, residual = centres[k], rotations[k], error[k]
+    if len(judges) < n:
+        alone = slice(k, k + 1)
+        centre, rotation = (
+            one[0] for one in _refine(centres[alone], rotations[alone], c, points, xy)
+        )
         residual = _residuals(centre[None], rotation[None], c, points, xy)[0]
-        size = float(np.sort(residual)[: max(4, (3 * n) // 4)].mean())
-        if size < best_size:
-            best, best_size = Resection(centre, rotation, residual), size
-    return best
+    return Resection(centre, rotation, residual)
 
 
 def _spread_triples(xy: Array, rng: np.random.Generator) -> Index:
@@ -167,52 +181,61 @@ def _residuals(centres: Array, rotations: Array, c: float, points: Array, xy: Ar
 
 
 def _refine(
-    centre: Array, rotation: Array, c: float, points: Array, xy: Array
+    centres: Array, rotations: Array, c: float, points: Array, xy: Array
 ) -> tuple[Array, Array]:
-    """Robust damped Gauss-Newton for one photo."""
-    n = len(xy)
-    cs = np.full(n, c)
-
-    def cost(at: Array, turned: Array) -> tuple[float, Array]:
-        seen = project(np.broadcast_to(at, (n, 3)), np.broadcast_to(turned, (n, 3, 3)), cs, points)
-        size = np.linalg.norm(seen.xy - xy, axis=1)
-        size = np.where((seen.depth > 0.0) & np.isfinite(size), size, 1e6)
-        return float(np.log1p((size / scale) ** 2).sum()), size
-
-    scale = 1.0
-    _, size = cost(centre, rotation)
-    scale = max(2.0 * float(np.median(size)), 1e-6)
-    value, size = cost(centre, rotation)
-    damping = 1e-3
-    for _ in range(25):
-        seen = project_with_derivatives(
-            np.broadcast_to(centre, (n, 3)), np.broadcast_to(rotation, (n, 3, 3)), cs, points
-        )
-        weight = np.where(size < 1e5, 1.0 / (1.0 + (size / scale) ** 2), 0.0)
-        design = np.nan_to_num(seen.photo)
-        e = np.nan_to_num(seen.xy - xy)
-        normal = np.einsum("n,nij,nik->jk", weight, design, design)
-        right = -np.einsum("n,nij,ni->j", weight, design, e)
-        diagonal = np.diag(normal)
-        improved = False
-        for _ in range(8):
-            try:
-                step = np.linalg.solve(
-                    normal + np.diag(damping * diagonal + 1e-12 * diagonal.max()), right
-                )
-            except np.linalg.LinAlgError:
-                return centre, rotation
-            trial = centre + step[:3], turns(step[None, 3:])[0] @ rotation
-            new_value, new_size = cost(*trial)
-            if new_value < value:
-                improved = True
-                break
-            damping *= 10.0
-        if not improved:
+    """Robust damped Gauss-Newton of (k, 3) and (k, 3, 3) candidates for one photo side by side."""
+    size = _capped(centres, rotations, c, points, xy)
+    scale = np.maximum(2.0 * np.median(size, axis=1), 1e-6)[:, None]
+    value = np.log1p((size / scale) ** 2).sum(axis=1)
+    damping = np.full(len(centres), 1e-3)
+    running = np.ones(len(centres), dtype=bool)
+    for _ in range(_STEPS):
+        at = np.flatnonzero(running)
+        step = _step(centres[at], rotations[at], c, points, xy, size[at] / scale[at], damping[at])
+        trial = centres[at] + step[:, :3], np.matmul(turns(step[:, 3:]), rotations[at])
+        new_size = _capped(*trial, c, points, xy)
+        new_value = np.log1p((new_size / scale[at]) ** 2).sum(axis=1)
+        better = new_value < value[at]
+        # where it brings little more, the bundle goes on
+        running[at[better]] = (value[at] - new_value > _LITTLE * (1.0 + new_value))[better]
+        to = at[better]
+        centres[to], rotations[to] = trial[0][better], trial[1][better]
+        size[to], value[to] = new_size[better], new_value[better]
+        damping[at] = np.where(better, np.maximum(damping[at] * 0.1, 1e-9), damping[at] * 10.0)
+        running &= damping < _STUCK
+        if not running.any():
             break
-        small = value - new_value < 1e-9 * (1.0 + value)
-        (centre, rotation), value, size = trial, new_value, new_size
-        damping = max(damping * 0.1, 1e-9)
-        if small:
-            break
-    return centre, rotation
+    return centres, rotations
+
+
+def _capped(centres: Array, rotations: Array, c: float, points: Array, xy: Array) -> Array:
+    """(k, n) distances in the image [mm], a million behind the photo."""
+    return np.minimum(_residuals(centres, rotations, c, points, xy), 1e6)
+
+
+def _step(
+    centres: Array,
+    rotations: Array,
+    c: float,
+    points: Array,
+    xy: Array,
+    size: Array,
+    damping: Array,
+) -> Array:
+    """(k, 6) step of each candidate; `size` (k, n) is what its points are off, in its scale."""
+    k, n = size.shape
+    seen = project_with_derivatives(
+        np.repeat(centres, n, axis=0),
+        np.repeat(rotations, n, axis=0),
+        np.full(k * n, c),
+        np.tile(points, (k, 1)),
+    )
+    weight = np.repeat(np.where(seen.depth > 0.0, 1.0 / (1.0 + size.ravel() ** 2), 0.0), 2)
+    design = np.nan_to_num(seen.photo).reshape(k, 2 * n, 6)
+    e = np.nan_to_num(seen.xy - np.tile(xy, (k, 1))).reshape(k, 2 * n)
+    half = (design * weight.reshape(k, 2 * n, 1)).transpose(0, 2, 1)
+    normal = np.matmul(half, design)
+    right = -np.matmul(half, e[:, :, None])
+    diagonal = np.einsum("kii->ki", normal)
+    held = damping[:, None] * diagonal + 1e-12 * diagonal.max(axis=1, keepdims=True) + _TINY
+    return np.asarray(np.linalg.solve(normal + held[:, :, None] * np.eye(6), right)[:, :, 0])

@@ -77,12 +77,15 @@ class SubBlock:
         fewest: int = 4,
         *,
         but: Bools | None = None,
+        tried: dict[int, tuple[int, int]] | None = None,
     ) -> int:
         """Orient photos to points of the sub-block, those with most points first; returns how many.
 
         A photo is taken when most of its points agree within 2 % of the camera constant; none of
-        (photos,) `but` is.
+        (photos,) `but` is. What `tried` remembers of photos that were not taken - how many points
+        they saw, and how many of these agreed - is not computed again.
         """
+        tried = {} if tried is None else tried
         added = 0
         passed = self.oriented if but is None else self.oriented | but
         placed = self.placed
@@ -98,11 +101,14 @@ class SubBlock:
             if len(names) < fewest:
                 continue
             c = float(problem.c[photo])
-            found = resect(problem.ideal[rays[first]], c, self.points[names])
-            if found is None:
+            enough = max(fewest, 0.6 * len(names))
+            before = tried.get(photo)
+            if before is not None and before[0] == len(names) and before[1] < enough:
                 continue
-            good = found.residual < 0.02 * c
-            if good.sum() < max(fewest, 0.6 * len(names)):
+            found = resect(problem.ideal[rays[first]], c, self.points[names])
+            agree = 0 if found is None else int((found.residual < 0.02 * c).sum())
+            if found is None or agree < enough:
+                tried[photo] = len(names), agree
                 continue
             self.centres[photo], self.rotations[photo] = found.centre, found.rotation
             added += 1

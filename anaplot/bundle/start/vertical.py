@@ -29,6 +29,7 @@ _LEVEL = 0.12  # of c: median misfit of two photos above which they are not leve
 _ROUNDS = 8
 _HOLD = 1e-3  # weight that keeps the factor of a photo
 _TRIALS = 60
+_PAIRED = 48  # points that are paired with each other at most
 
 
 class _Edge(NamedTuple):
@@ -145,7 +146,8 @@ def _edge(i: int, j: int, first: Complex, second: Complex, c: float) -> _Edge | 
 def _median_similarity(source: Complex, target: Complex) -> tuple[complex | None, Array]:
     """Return the ratio of the plane similarity most points agree on, and all distances from it."""
     n = len(source)
-    first, second = np.triu_indices(n, 1)
+    some = np.unique(np.linspace(0.0, n - 1.0, min(n, _PAIRED)).astype(np.intp))
+    first, second = (some[at] for at in np.triu_indices(len(some), 1))
     if len(first) > _TRIALS:
         # the pairs farthest apart, which say most
         far = np.argsort(-np.abs(source[first] - source[second]), kind="stable")[: 2 * _TRIALS : 2]
@@ -207,8 +209,17 @@ def _synchronised(n: int, edges: list[_Edge]) -> tuple[Complex, Index]:
     return np.exp(log), part
 
 
-def _laplace(n: int, i: Index, j: Index, weight: Array, off: Complex, hold: Array) -> Complex:
-    """Least squares of x_j - x_i = off."""
+def _laplace(
+    n: int,
+    i: Index,
+    j: Index,
+    weight: Array,
+    off: Complex,
+    hold: Array,
+    *,
+    photos: int | None = None,
+) -> Complex:
+    """Least squares of x_j - x_i = off; the unknowns after `photos` are of points."""
     matrix = sparse.coo_matrix(
         (
             np.concatenate((weight, weight, -weight, -weight, hold)),
@@ -222,16 +233,27 @@ def _laplace(n: int, i: Index, j: Index, weight: Array, off: Complex, hold: Arra
     right = np.zeros(n, dtype=np.complex128)
     np.add.at(right, j, weight * off)
     np.add.at(right, i, -weight * off)
-    return _solved(matrix, right)
+    return _solved(matrix, right, n if photos is None else photos)
 
 
-def _solved(matrix: sparse.csc_matrix, right: Complex) -> Complex:
+def _solved(matrix: sparse.csc_matrix, right: Complex, photos: int) -> Complex:
+    """Solve Hermitian equations whose unknowns after `photos` are of points.
+
+    No point has an equation with another: they are eliminated one by one, and what is left is as
+    small as the number of photos, however many rays there are.
+    """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", MatrixRankWarning)
-        real = spsolve(matrix, np.column_stack((right.real, right.imag)))
-    real = np.nan_to_num(np.asarray(real).reshape(-1, 2))
-    out: Complex = real[:, 0] + 1j * real[:, 1]
-    return out
+        rows = matrix.tocsr()
+        own, tie = rows[:photos, :photos], rows[:photos, photos:]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            inverse = 1.0 / matrix.diagonal()[photos:]
+        half = (tie @ sparse.diags(inverse)).tocsr()
+        reduced = (own - half @ tie.conj().T).tocsc()
+        first = spsolve(reduced, right[:photos] - half @ right[photos:], permc_spec="MMD_AT_PLUS_A")
+        first = np.nan_to_num(np.asarray(first, dtype=np.complex128))
+        last = inverse * (right[photos:] - tie.conj().T @ first)
+    return np.concatenate((first, np.nan_to_num(last)))
 
 
 def _positions(rays: _Rays, alpha: Complex, points: int) -> tuple[Complex, Complex]:
@@ -250,7 +272,7 @@ def _positions(rays: _Rays, alpha: Complex, points: int) -> tuple[Complex, Compl
     weight = np.ones(m)
     for _ in range(_ROUNDS):
         off = away - (x[j] - x[i])
-        x = x + _laplace(n + points, i, j, weight, off, hold)
+        x = x + _laplace(n + points, i, j, weight, off, hold, photos=n)
         size = np.abs(away - (x[j] - x[i]))
         scale = max(3.0 * float(np.median(size)), 1e-9)
         weight = 1.0 / (1.0 + (size / scale) ** 2)
@@ -388,7 +410,7 @@ def _together(
         hold = 1e-9 * sparse.diags(
             np.concatenate((np.full(n, reach**2), np.ones(n), np.full(p, typical**2)))
         )
-        step = spsolve((normal + hold).tocsc(), half[:count].conj().T @ misfit)
+        step = _solved((normal + hold).tocsc(), half[:count].conj().T @ misfit, 2 * n)
         if not np.isfinite(step).all() or float(np.abs(step[:n]).max(initial=0.0)) > 1.0:
             break
         growth = np.exp(step[:n])
