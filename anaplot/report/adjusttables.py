@@ -106,7 +106,7 @@ _PHOTO_ORDER = (
 )
 
 
-_FINE = 5e-4  # m: mean standard deviation of points below which tenths of a millimetre are coarse
+_FINE = 1e-3  # m: mean standard deviation of points below which tenths of a millimetre are coarse
 
 
 def is_fine(block: AdjustedBlock) -> bool:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import nullcontext
+from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple, TypeAlias, get_args
 
@@ -173,13 +174,29 @@ def bridge(
         tuple(strip for strip in strips if isinstance(strip, CleanedStrip)) if errors else None,
     )
     watch("checks of the block", 0.0)
-    accidents = block_accidents(given)
+    accidents = block_accidents(_without_rejected(given, strips))
     cures = photo_cures(given, accidents.photos)
     watch("results", 0.0)
     document = bridge_document(given, strips, matrix=matrix, correlations=correlations)
     document = with_accidents(document, accidents, cures)
     document = planting.with_planting(document, planted)
     return Computed(found, with_journal_notes(document, note), flagged)
+
+
+def _without_rejected(
+    block: photogrammetry.Block, strips: Iterable[BridgedStrip | CleanedStrip]
+) -> photogrammetry.Block:
+    """Return a block without the points that a search rejected a row of, where it did."""
+    gone = {
+        (model, photo, row.name[0])
+        for strip in strips
+        for cleaned in _parts(strip)[1]
+        for row in cleaned.rejected
+        for photo in (cleaned.solution.left, cleaned.solution.right)
+        for model in (cleaned.solution.name, None)
+    }
+    kept = (row for row in block.image_points if (row.model, row.photo, row.point) not in gone)
+    return replace(block, image_points=tuple(kept)) if gone else block
 
 
 def orient(

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from svgs import SVG, parsed, paths, runs, sound, texts
 
+from anaplot.adjustment.reliability import SPUR
 from anaplot.adjustment.testdistribution import TestDistribution
 from anaplot.bundle.adjust import adjust_block, adjust_problem
 from anaplot.bundle.blockmap import flagged_points, mean_redundancy
@@ -24,6 +25,7 @@ from anaplot.report.figures.pointmaps import (
     effect_map,
     redundancy_map,
 )
+from anaplot.report.figures.pointvalues import largest_detectable, largest_effect
 from anaplot.report.figures.residuals import photo_residuals, residual_pattern
 from anaplot.report.figures.testvalues import (
     histogram_of_w,
@@ -198,14 +200,27 @@ def test_redundancy_is_the_mean_of_a_points_coordinates(block: AdjustedBlock) ->
     assert mean_redundancy(block)[at] == pytest.approx(block.cofactors.r[rays].mean())
 
 
-def test_the_histogram_counts_every_value(block: AdjustedBlock) -> None:
+def test_the_histogram_counts_every_value_but_rounding(block: AdjustedBlock) -> None:
     drawing = histogram_of_w(block.tested, image_coordinates(block), key="w", what="rays")
     assert drawing is not None
     sound(drawing)
-    w = block.w[np.isfinite(block.w)]
+    spurs = block.cofactors.r < SPUR
+    assert np.isfinite(block.w[spurs]).any()  # with tilts r is no exact zero
+    w = block.w[np.isfinite(block.w) & ~spurs]
     assert f"{len(w)} values, {int((np.abs(w) > block.critical).sum())} beyond" in (
         drawing.description
     )
+
+
+def test_what_nothing_checks_is_detected_by_nothing(block: AdjustedBlock) -> None:
+    problem, spurs = block.problem, block.cofactors.r < SPUR
+    finite = np.isfinite(block.tested.mdb[: block.observations.image]).reshape(-1, 2)
+    assert (finite & spurs).any()
+    bare = np.zeros(len(problem.points), dtype=bool)
+    bare[problem.point[spurs.any(axis=1)]] = True
+    for values in (largest_detectable(block), largest_effect(block)):
+        assert np.isposinf(values[bare]).all()
+        assert np.isfinite(values[~bare]).all()
 
 
 def test_the_quantile_plot_crosses_what_is_flagged(block: AdjustedBlock) -> None:

@@ -15,7 +15,7 @@ from anaplot.report.document import name, number, say, table
 from anaplot.report.html.parts import Report, Section
 from anaplot.report.html.render import html_of
 from anaplot.report.html.views import page_view
-from anaplot.report.html.write import write_report
+from anaplot.report.html.write import check_report, write_report
 
 HOSTILE = "</td><script>alert(1)</script>\u202e\x1b[2J"
 COLUMNS = (name("point", "POINT", 5), number("X", "X", 3, 12, unit="m"), name("flagged", look=bool))
@@ -88,3 +88,10 @@ def test_an_earlier_report_is_replaced_and_nothing_else(tmp_path: Path) -> None:
     (tmp_path / "r.html.tables" / "mine.txt").write_text("mine")
     with pytest.raises(InputError, match="tables: exists already"):
         write_report(report(3), page)
+    new = tmp_path / "n.html"
+    for figures in (new, tmp_path / "n.html.tables", tmp_path / "f" / ".." / "n.html.tables"):
+        with pytest.raises(InputError, match="no folder for figures"):
+            check_report(new, figures)
+        with pytest.raises(InputError, match="no folder for figures"):
+            write_report(report(250), new, figures, most_rows=100)
+    assert not new.exists()

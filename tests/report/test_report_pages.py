@@ -18,8 +18,9 @@ from anaplot import bridge, compare, plan
 from anaplot.adjustment.hypothesis import critical_f
 from anaplot.cli import command_parser
 from anaplot.exchange.blockfolder import write_block
-from anaplot.planning.blockplan import BlockPlan, plan_block
+from anaplot.planning.blockplan import BlockPlan, expected_accuracy, plan_block
 from anaplot.report.adjustarguments import add_bridge_arguments, add_compare_arguments
+from anaplot.report.astext import line_text
 from anaplot.report.figures import displacements
 from anaplot.report.html.definitions import definition_of
 from anaplot.report.html.pages.epochpage import epoch_report
@@ -30,6 +31,7 @@ from anaplot.report.html.render import html_of
 from anaplot.report.html.sections.definitions import columns_shown
 from anaplot.report.pageoption import as_typed
 from anaplot.report.planarguments import add_block_arguments, add_network_arguments
+from anaplot.report.verdicts import probability
 
 HOSTILE = "</td><script>alert(1)</script>"
 
@@ -113,6 +115,12 @@ def test_a_good_strip_and_a_search_for_gross_errors(tmp_path: Path) -> None:
     told = found.to_dict()["strips"][0]["models"]
     assert len(rejected) == sum(len(model["errors"]["rejected"]) for model in told) > 0
     assert "102-2" in text_of(report).split("Rejected rows")[1]
+    # what is rejected is named, and numbering is looked at without it
+    sound, wrong, _, _, following = map(line_text, report.verdict)
+    assert re.match(r"Sound: yes: .*, without \d rejected rows?; ", sound)
+    assert re.match(r"Wrong: \d rows? (was|were) rejected: [xy] of 102-2 in model 101/102", wrong)
+    assert found.to_dict()["accidents"] == []
+    assert following == "Next: measure again what was rejected, and bridge anew"
     assert "&lt;script&gt;alert(1)" in html_of(report)
 
 
@@ -121,7 +129,12 @@ def test_displacements_have_vectors_ellipses_and_tests(epochs) -> None:
     report = epoch_report(found)
     text = text_of(report)
     assert len(report.verdict) == 5
-    assert "Moved" in text
+    everything = found.result.everything
+    assert everything is not None
+    assert everything.decisive is not None
+    p = probability(everything.decisive.significance)
+    moved = line_text(report.verdict[0])
+    assert moved.startswith(f"Moved: yes: P {p} of all points together by the global test; P ")
     assert re.search(r"What\W+1 point", text)
     drawn = list(drawings_in(report.sections))
     assert [one.key for one in drawn] == ["displacements-1-2", "displacements-across-1-2"]
@@ -183,6 +196,12 @@ def test_plans_have_maps_and_their_tables() -> None:
     for value in accuracy["rms"]:
         assert f"{value:.4f}" in text
     assert {table.key for table in tables_in(report.sections)} == {"classes", "weak_photos"}
+    planned = plan.network("cube", case="A")
+    worst = expected_accuracy(planned.result.block)
+    assert worst is not None
+    assert worst.largest[1] > max(worst.largest[0], worst.largest[2])
+    told = line_text(network_plan_report(planned).verdict[3])
+    assert told.endswith(f"; worst Y {worst.largest[1]:.4f} m at point {worst.points[1]}")
     network = network_plan_report(plan.network("cube", case="B"))
     assert len(network.verdict) == 5
     assert {"photos", "points"} <= {table.key for table in tables_in(network.sections)}

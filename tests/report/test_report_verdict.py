@@ -14,7 +14,7 @@ import anaplot
 from anaplot.cli import main
 from anaplot.orientation.strip import bridge, orient
 from anaplot.photogrammetry.block import Block
-from anaplot.report.astext import line_text
+from anaplot.report.astext import line_text, page_text
 from anaplot.report.html.judgement import mean_deviations, points_of_two_photos
 from anaplot.report.html.sections.verdict import verdict_lines
 from anaplot.report.statuscommand import adjusted_status
@@ -228,6 +228,16 @@ def test_a_good_close_range_block_is_sound(tmp_path: Path) -> None:
     sound, wrong, *_ = said(noisy(block, seed=4))
     assert sound.startswith("Sound: With doubts: 1 of 216 observations flagged (0.2 of good ones")
     assert "by chance, so that it may be); sigma0" in sound
+
+
+def test_deviations_of_tenths_of_millimetres_have_two_digits(tmp_path: Path) -> None:
+    options = ("network", "cube", "--case", "C", "--to", str(tmp_path / "block"))
+    assert main(["plan", *options]) == 0
+    found = anaplot.adjust(noisy(anaplot.read_block(tmp_path / "block")))
+    ai = found.result.block.indicators()
+    assert 5e-4 < ai.ai < 1e-3
+    page = page_text(found.document.page)
+    assert f"AI X {ai.ai_x:.6f}  Y {ai.ai_y:.6f}" in page
 
 
 def test_of_a_free_datum_its_scale_is_open_and_given_points_are_compared(planned: Block) -> None:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from anaplot.aliases import Array
+from anaplot.adjustment.reliability import SPUR
+from anaplot.aliases import Array, Bools
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 
 __all__ = [
@@ -29,7 +30,7 @@ def largest_detectable(block: AdjustedBlock) -> Array:
     """
     mdb = block.tested.mdb[: block.observations.image].reshape(-1, 2)
     use = block.tested.use[: block.observations.image].reshape(-1, 2)
-    size = np.where(np.isfinite(mdb), mdb, np.inf)
+    size = np.where(_testable(block), mdb, np.inf)
     return _largest(block, np.where(use, size, -np.inf).max(axis=1))
 
 
@@ -42,9 +43,16 @@ def largest_effect(block: AdjustedBlock) -> Array:
     if tested.ground is None:
         return np.full(len(block.problem.points), np.nan)
     moved = np.linalg.norm(tested.ground[:image], axis=1).reshape(-1, 2)
-    size = np.where(np.isfinite(moved), moved, np.inf)
+    size = np.where(_testable(block) & np.isfinite(moved), moved, np.inf)
     use = tested.use[:image].reshape(-1, 2)
     return _largest(block, np.where(use, size, -np.inf).max(axis=1))
+
+
+def _testable(block: AdjustedBlock) -> Bools:
+    """(m, 2) which image coordinates are no spurs: of these a finite number is rounding alone."""
+    r = block.tested.r[: block.observations.image].reshape(-1, 2)
+    mdb = block.tested.mdb[: block.observations.image].reshape(-1, 2)
+    return np.asarray((r >= SPUR) & np.isfinite(mdb))
 
 
 def _largest(block: AdjustedBlock, of_rays: Array) -> Array:

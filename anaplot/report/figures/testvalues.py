@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from anaplot.adjustment.reliability import SPUR
 from anaplot.adjustment.testdistribution import TestDistribution, distribution_of
 from anaplot.adjustment.tested import Tested
 from anaplot.aliases import Array, Bools
@@ -65,7 +66,7 @@ def image_coordinates(block: AdjustedBlock) -> slice:
 def _values(tested: Tested[Any], of: slice) -> _Values | None:
     distribution = distribution_of(tested.test, tested.redundancy)
     w = tested.w[of]
-    good = tested.use[of] & np.isfinite(w)
+    good = tested.use[of] & np.isfinite(w) & (tested.r[of] >= SPUR)  # of spurs w is rounding
     if distribution is None or good.sum() < _FEWEST:
         return None
     order = np.argsort(w[good], kind="stable")

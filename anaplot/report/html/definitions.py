@@ -26,11 +26,12 @@ _RED = Definition(
     "r = (Q_vv P)_ii, Q_vv = P^-1 - A (A'PA)^-1 A'; a residual changes by -r times the error",
     "Kratky and El-Hakim 1983, eq. (5), (6); Gruen 1978, eq. (11), (17)",
 )
+_GIVEN_MINUS = "Gruen 1978, eq. (45), there with the opposite sign"
 _W = Definition(
     "standardized residual: the residual over its standard deviation; flagged beyond the critical "
     "value of the test",
     "w = v / (sigma sqrt(q_vv)); sigma a priori (baarda) or estimated (tau)",
-    "Gruen 1978, eq. (23), (24); Kratky and El-Hakim 1983, eq. (7)",
+    "Gruen 1978, eq. (23), there with the opposite sign, (24); Kratky and El-Hakim 1983, eq. (7)",
 )
 _MDB = Definition(
     "smallest error that the test finds with the power of [test]",
@@ -128,12 +129,12 @@ _BY_KEY: dict[str, Definition] = {
     "reason": Definition("why, in the words of who decided"),
     "kind": Definition("what it is: image, control, prior, point, photo"),
     "use": Definition("as what it takes part: control, check, prior, off"),
-    "dX": Definition("adjusted minus given coordinate", "", "Gruen 1978, eq. (45)"),
-    "dY": Definition("adjusted minus given coordinate", "", "Gruen 1978, eq. (45)"),
-    "dZ": Definition("adjusted minus given coordinate", "", "Gruen 1978, eq. (45)"),
+    "dX": Definition("adjusted minus given coordinate", "", _GIVEN_MINUS),
+    "dY": Definition("adjusted minus given coordinate", "", _GIVEN_MINUS),
+    "dZ": Definition("adjusted minus given coordinate", "", _GIVEN_MINUS),
     "difference": Definition(
         "what the photographs make of it minus what is given; of control without it", "",
-        "Gruen 1978, eq. (45), (50)",
+        "Gruen 1978, eq. (45), (50), there with the opposite sign",
     ),
     "plan": Definition("the difference in plan: its length", "sqrt(dX^2 + dY^2)"),
     "height": Definition("the difference in height, with its sign"),

@@ -60,10 +60,13 @@ def check_report(path: Path, figures: Path | None = None) -> None:
     ------
     InputError
         There is no folder for the page, or something that is no earlier report has its name, or
-        that of the folder for tables; or the folder for figures holds something else.
+        that of the folder for tables; or the folder for figures holds something else, or is one of
+        these.
     """
     check_place(path)
     folder = tables_folder(path)
+    if figures is not None and figures.resolve() in (path.resolve(), folder.resolve()):
+        raise InputError(f"{place(figures)}: is the page or has its tables, no folder for figures")
     try:
         if os.path.lexists(path) and not _earlier(path):
             raise InputError(f"{place(path)}: exists already, is no report, and is not overwritten")

@@ -9,6 +9,7 @@ import numpy as np
 from anaplot.bundle.epochs.displacementtests import EpochTests, PointMove
 from anaplot.bundle.epochs.overall import Overall
 from anaplot.bundle.epochs.seriestests import PointSeries, SeriesTests
+from anaplot.bundle.hypotheses.verdict import Verdict
 from anaplot.report.columns import counted
 from anaplot.report.computed import Computed
 from anaplot.report.document import Document, Line, Listed, Table, named, say
@@ -36,16 +37,30 @@ def epoch_report(found: Computed[EpochTests] | Computed[SeriesTests]) -> Report:
 
 
 def _verdict(found: EpochTests | SeriesTests) -> tuple[Line, ...]:
-    return (_moved(found.overall), _what(found), _unchecked(found), _accuracy(found), _next(found))
+    return (
+        _moved(found.overall, found.everything),
+        _what(found),
+        _unchecked(found),
+        _accuracy(found),
+        _next(found),
+    )
 
 
-def _moved(overall: Overall | None) -> Line:
+def _moved(overall: Overall | None, everything: Verdict | None) -> Line:
     if overall is None:
         return say("Moved: nobody can tell: nothing can be tested")
     word = "yes" if overall.rejected else "no"
     p = probability(overall.significance)
     families = named(overall.families)
-    line = say("Moved: {}: P {} of {} together, at alpha {:g}", word, p, families, overall.alpha)
+    test = None if everything is None else everything.decisive
+    line = say("Moved: {}: ", word)
+    if test is not None:
+        line += say(
+            "P {} of all points together by the global test; ", probability(test.significance)
+        )
+    line += say(
+        "P {} of the tests of {}, counted as one, at alpha {:g}", p, families, overall.alpha
+    )
     return line.of("look") if overall.rejected else line
 
 

@@ -101,12 +101,14 @@ def _accuracy(block: AdjustedBlock) -> Line:
     found = expected_accuracy(block)
     if found is None:
         return say("Accuracy: every point is control")
+    worst = max(range(3), key=lambda axis: found.largest[axis])
     return say(
-        "Accuracy: new points in X {:.4f} m, Y {:.4f} m, Z {:.4f} m (root mean squares); worst Z "
+        "Accuracy: new points in X {:.4f} m, Y {:.4f} m, Z {:.4f} m (root mean squares); worst {} "
         "{:.4f} m at point {}",
         *found.rms,
-        found.largest[2],
-        found.points[2],
+        "XYZ"[worst],
+        found.largest[worst],
+        found.points[worst],
     )
 
 

@@ -50,16 +50,31 @@ def _verdict(found: BridgedBlock, answer: Answer) -> tuple[Line, ...]:
     errors = [strip.error for strip in found.strips if strip.error is not None]
     told = [model for strip in answer["strips"] for model in strip["models"]]
     flagged = [(model, one) for model, one in zip(models, told, strict=True) if model.flagged]
+    gone = [
+        say("{} of {} in model {}", *row.name[::-1], one.solution.name)
+        for strip in found.cleaned or ()
+        for one in strip.models
+        for row in one.rejected
+    ]
+    strange = _strange(answer)
     return (
-        _sound(models, len(flagged), errors),
-        _wrong(flagged, errors, answer),
+        _sound(models, len(flagged), errors, len(gone), doubts=bool(strange)),
+        _wrong(flagged, errors, strange, gone),
         _unchecked(models),
         _accuracy(models),
-        _next(flagged, errors),
+        _next(flagged, errors, strange, gone),
     )
 
 
-def _sound(models: list[ModelSolution], flagged: int, errors: list[str]) -> Line:
+def _strange(answer: Answer) -> list[Line]:
+    """Return what numbering and photographs give to think of, of the rows that are left."""
+    lines = [say("{}", one["text"]) for one in answer["photo_accidents"]]
+    return lines + [say("model {}: {}", one["model"], one["text"]) for one in answer["accidents"]]
+
+
+def _sound(
+    models: list[ModelSolution], flagged: int, errors: list[str], gone: int, *, doubts: bool
+) -> Line:
     if not models:
         return say("Sound: no: no model could be computed").of("look")
     rows = sum(len(model.table) for model in models)
@@ -75,15 +90,26 @@ def _sound(models: list[ModelSolution], flagged: int, errors: list[str]) -> Line
         ).of("look")
     if all(model.test.critical is None for model in models):
         return say("Sound: nobody can tell: no model has the redundancy for a test")
-    return say("Sound: yes: no row of {} in {} is flagged; ", rows,
-               counted(len(models), "model")) + pooled  # fmt: skip
+    without = say(", without {}", counted(gone, "rejected row")) if gone else say("")
+    none = say("no row of {} in {} is flagged", rows, counted(len(models), "model")) + without
+    if doubts:
+        told = say("Sound: with doubts: ") + none + "; but numbering or photos need a look; "
+        return (told + pooled).of("remark")
+    return say("Sound: yes: ") + none + "; " + pooled
 
 
-def _wrong(flagged: list[tuple[ModelSolution, Answer]], errors: list[str], answer: Answer) -> Line:
+def _wrong(
+    flagged: list[tuple[ModelSolution, Answer]],
+    errors: list[str],
+    strange: list[Line],
+    gone: list[Line],
+) -> Line:
     lines = [say("{}", error) for error in errors]
-    lines += [say("{}", one["text"]) for one in answer["photo_accidents"]]
-    lines += [say("model {}: {}", one["model"], one["text"]) for one in answer["accidents"]]
+    if gone:
+        rows = counted(len(gone), "row was", "rows were")
+        lines.append(say("{} rejected: {}", rows, named(gone, _FEW)))
     lines += [say("model {}: {}", model.name, _first(one)) for model, one in flagged]
+    lines += strange
     if not lines:
         return say("Wrong: nothing shows in what is checked")
     more = named(lines, _FEW, "; and {} more below", separator="; ")
@@ -122,12 +148,21 @@ def _accuracy(models: list[ModelSolution]) -> Line:
     )
 
 
-def _next(flagged: list[tuple[ModelSolution, Answer]], errors: list[str]) -> Line:
+def _next(
+    flagged: list[tuple[ModelSolution, Answer]],
+    errors: list[str],
+    strange: list[Line],
+    gone: list[Line],
+) -> Line:
     if errors:
         return say("Next: mend what ends the strip, and bridge again").of("look")
     if flagged:
         model, one = flagged[0]
         return say("Next: in model {}: {}", model.name, _first(one)).of("look")
+    if gone:
+        return say("Next: measure again what was rejected, and bridge anew").of("look")
+    if strange:
+        return say("Next: look at what stands under Wrong, and bridge anew").of("look")
     return say("Next: adjust the block (anaplot adjust), which checks what models cannot")
 
 
