@@ -15,7 +15,7 @@ from textual.widgets import Static
 from anaplot.console.blockmapview import BlockMapView
 from anaplot.console.describe import Entry
 from anaplot.console.dialogs import Page, clickable
-from anaplot.console.panels import entry_lines
+from anaplot.console.panels import entry_lines, said_line
 from anaplot.console.text import cell, fit, fit_end, number, wrap
 from anaplot.station.blockview import BlockView, SuspectedPoint, SuspectedRay, percent
 from anaplot.station.snapshot import Snapshot
@@ -42,6 +42,8 @@ class BlockPage(Page):
         What the station says.
     back
         Called with left, right, point and photo when the operator returns to a model.
+    report
+        Called when the report is to be written, and the key for that as people write it.
     width
         Cells of a line.
     """
@@ -51,6 +53,7 @@ class BlockPage(Page):
     DEFAULT_CSS = """
     BlockPage {
         #sight { height: auto; }
+        .page--foot { dock: bottom; height: auto; display: none; }
         BlockMapView { display: none; width: 1fr; height: 1fr; }
         &.-map.-solved, &.-broad.-solved {
             & > Vertical { width: 98%; height: 94%; }
@@ -64,24 +67,34 @@ class BlockPage(Page):
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("m", "map", "The map in place of the text"),
+        Binding("W", "report", "Write the report", id="report"),
         Binding("enter", "enter", "Return to the point's model"),
         Binding("up,k", "select(-1)", "The point before"),
         Binding("down,j", "select(1)", "The next point"),
     ]
 
     def __init__(
-        self, snapshot: Snapshot, back: Callable[[str, str, str, str], None], width: int
+        self,
+        snapshot: Snapshot,
+        back: Callable[[str, str, str, str], None],
+        report: tuple[Callable[[], None], str],
+        width: int,
     ) -> None:
         self._snapshot, self._back, self._width = snapshot, back, width
+        self._report, self._report_key = report
         self._chosen = ""
         super().__init__(TITLE, self._drawn())
 
     def compose(self) -> ComposeResult:
         """Lay title, text and map out."""
         with Vertical():
-            keys = clickable("(escape closes)", "close"), clickable("(m the map)", "map")
-            title = Content.assemble(f"{TITLE}   ", keys[0], "   ", keys[1])
-            yield Static(title, classes="page--title")
+            keys = (
+                clickable("(escape closes)", "close"),
+                clickable("(m the map)", "map"),
+                clickable(f"({self._report_key} the report)", "report"),
+            )
+            yield Static(Content("   ").join([Content(TITLE), *keys]), classes="page--title")
+            yield Static(Content(""), classes="page--foot")
             with Horizontal(id="sight"):
                 with VerticalScroll(can_focus=False):
                     yield Static(Content("\n").join(self._lines), classes="page--text")
@@ -104,6 +117,17 @@ class BlockPage(Page):
         self.set_class(block is not None, "-solved")
         for shown in self.query(BlockMapView):
             shown.show(block, points[self._at].point if points else None)
+
+    def action_report(self) -> None:
+        """Have the report written."""
+        self._report()
+
+    def tell(self, severity: str, text: str) -> None:
+        """Say at the foot what becomes of the report."""
+        for foot in self.query(".page--foot").results(Static):
+            width = max(self.query_one(Vertical).content_size.width, 1)
+            foot.display = True
+            foot.update(said_line(severity, text, width))
 
     def action_map(self) -> None:
         """Show the map in place of the text, or the text again."""

@@ -17,6 +17,7 @@ from anaplot.console.errorspage import FIRST, ErrorsPage, errors_lines
 from anaplot.console.fitpage import FitChoice, FitPage
 from anaplot.console.helppage import HelpPage
 from anaplot.console.helptext import help_lines
+from anaplot.console.keybar import show_key
 from anaplot.console.logpage import LogPage
 from anaplot.console.panels import entry_lines
 from anaplot.console.pointingpage import PointingPage
@@ -49,6 +50,8 @@ class Pages:
         Begins to point again at something measured.
     back
         Returns to an accepted model: left, right, point and photo.
+    report
+        Begins to write the report.
 
     Attributes
     ----------
@@ -64,11 +67,12 @@ class Pages:
         chosen: Callable[[], None],
         again: Callable[[], None],
         back: Callable[[str, str, str, str], None],
+        report: Callable[[], None],
     ) -> None:
         self.strategy: str | None = None
         self._station, self._snapshot, self._keys = station, station.snapshot(), keys
         self._messages, self._chosen, self._again = messages, chosen, again
-        self._back = back
+        self._back, self._report = back, report
         self._choice = FitChoice()
         self._followed: dict[Page, Callable[[Snapshot], None]] = {}
 
@@ -77,6 +81,12 @@ class Pages:
         before, self._snapshot = self._snapshot, snapshot
         for renew in tuple(self._followed.values()):
             renew(before)
+
+    def tell(self, severity: str, text: str) -> None:
+        """Say on the block page what becomes of the report that it asked for."""
+        for page in self._followed:
+            if isinstance(page, BlockPage):
+                page.tell(severity, text)
 
     def open(self, app: App[object], page: str, selected: ShownRow | None) -> None:
         """Open the page of that name; details are those of the selected row."""
@@ -91,7 +101,8 @@ class Pages:
         elif page == "messages":
             app.push_screen(Page("Messages", self._messages(_WIDTH)))
         elif page == "block":
-            block = BlockPage(snapshot, self._back, _WIDTH)
+            writes = self._report, show_key(self._keys["report"][0])
+            block = BlockPage(snapshot, self._back, writes, _WIDTH)
             self._follow(app, block, lambda _: block.renew(self._snapshot))
         elif page == "ties":
             ties = TiesPage(snapshot, _WIDTH)

@@ -6,7 +6,6 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from itertools import islice
-from typing import ClassVar
 
 from rich.cells import cell_len
 from textual.content import Content
@@ -20,7 +19,7 @@ from anaplot.console.inwork import in_work
 from anaplot.console.overview import verdict
 from anaplot.console.repainting import repaint
 from anaplot.console.rows import ShownRow
-from anaplot.console.text import fit, number, wrap
+from anaplot.console.text import fit, fit_end, number, wrap
 from anaplot.session.plates import ReadOut
 from anaplot.station.snapshot import Snapshot
 from anaplot.textfiles.wording import plain
@@ -34,6 +33,7 @@ __all__ = [
     "MessagePanel",
     "ReadOutLine",
     "entry_lines",
+    "said_line",
 ]
 
 Part = tuple[str, str]
@@ -41,6 +41,7 @@ _GAP: Part = ("   ", "")
 _NARROW_GAP: Part = (" ", "")
 _SECONDS_SHOWN = 10.0
 _MOST_SHOWN = 20
+_SECONDS_HELD = 6.0  # in which nothing takes the place of where a report lies
 
 WELCOME = (
     "Welcome. The line NOW says what to do, and with which key; Enter does it.",
@@ -48,6 +49,34 @@ WELCOME = (
     "? explains screen and keys, u takes back, q leaves: records are on disk.",
 )
 """What stands on the screen when it is seen for the first time."""
+
+
+_STYLES = {
+    "error": "bold $text-error",
+    "warning": "bold $text-warning",
+    "hint": "$text-warning",
+    "record": "$text-success",
+    "report": "$text-success",
+}
+
+
+def said_line(severity: str, text: str, width: int) -> Content:
+    """Return a message as one line; of where a report lies the end is kept, its name."""
+    spoken, room = _spoken(severity, text), width - 2
+    if cell_len(spoken) > room and severity == "report":
+        head = _spoken(severity, "")
+        spoken = head + fit_end(text, room - 8 - cell_len(head)) + " (l: all)"
+    elif cell_len(spoken) > room:
+        spoken = f"{fit(spoken, room - 8)} (l: all)"
+    return Content.styled(f" {spoken}", _style(severity))
+
+
+def _spoken(severity: str, text: str) -> str:
+    return text if severity in ("info", "hint") else f"{severity}: {text}"
+
+
+def _style(severity: str) -> str:
+    return _STYLES.get(severity, "$foreground-muted")
 
 
 def _width(parts: list[Part]) -> int:
@@ -410,6 +439,7 @@ class MessagePanel(_Lines):
     """What happened, the newest last; what is old goes.
 
     With the next key all of it, and after some seconds whatever is neither warning nor error.
+    Where a report lies stays some seconds whatever comes: it is written while measuring goes on.
 
     Parameters
     ----------
@@ -418,13 +448,6 @@ class MessagePanel(_Lines):
     """
 
     DEFAULT_CSS = "MessagePanel { height: 1; }"
-
-    _STYLES: ClassVar[dict[str, str]] = {
-        "error": "bold $text-error",
-        "warning": "bold $text-warning",
-        "hint": "$text-warning",
-        "record": "$text-success",
-    }
 
     def __init__(
         self,
@@ -447,9 +470,15 @@ class MessagePanel(_Lines):
 
     def clear(self) -> None:
         """Let what is shown go: it has been read."""
-        if self._recent:
-            self._recent = []
+        kept = self._held()
+        if kept != self._recent:
+            self._recent = kept
             self.show_lines()
+
+    def _held(self) -> list[tuple[str, str, float]]:
+        """Return what stays for now, whatever comes."""
+        until = self._clock() - _SECONDS_HELD
+        return [one for one in self._recent if one[0] == "report" and one[2] > until]
 
     def age(self) -> None:
         """Let what is old go."""
@@ -475,10 +504,9 @@ class MessagePanel(_Lines):
         if question and height == 1:
             room = max(width - cell_len(question) - 2, 0)
         count = height - 1 if question and height > 1 else height
-        lines = [
-            Content.styled(self._line(severity, text, room), self._style(severity))
-            for severity, text, _ in self._recent[-count:]
-        ]
+        held = self._held()
+        recent = [one for one in self._recent if one not in held] + held
+        lines = [said_line(severity, text, room) for severity, text, _ in recent[-count:]]
         if not question:
             return lines
         asked = Content.styled(fit(question, cell_len(question)), "bold $text-accent")
@@ -494,22 +522,9 @@ class MessagePanel(_Lines):
 
     def _wrapped(self, width: int) -> Iterator[Content]:
         for severity, text in reversed(self._messages):
-            style = self._style(severity)
-            for i, line in enumerate(wrap(self._spoken(severity, text), width - 2)):
+            style = _style(severity)
+            for i, line in enumerate(wrap(_spoken(severity, text), width - 2)):
                 yield Content.styled(f"{'  ' if i else '· '}{line}", style)
-
-    def _style(self, severity: str) -> str:
-        return self._STYLES.get(severity, "$foreground-muted")
-
-    @staticmethod
-    def _spoken(severity: str, text: str) -> str:
-        return text if severity in ("info", "hint") else f"{severity}: {text}"
-
-    def _line(self, severity: str, text: str, width: int) -> str:
-        spoken, room = self._spoken(severity, text), width - 2
-        if cell_len(spoken) <= room:
-            return f" {spoken}"
-        return f" {fit(spoken, room - 8)} (l: all)"
 
 
 class DetailsPane(_Lines):

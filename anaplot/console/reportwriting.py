@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -11,7 +11,8 @@ from textual.worker import get_current_worker
 
 from anaplot.aliases import Progress
 from anaplot.console.beside import Beside
-from anaplot.station.blockview import BlockView
+from anaplot.console.keybar import show_key
+from anaplot.station.snapshot import Snapshot
 
 __all__ = ["ReportWriting", "WriteReport", "reports_of"]
 
@@ -49,6 +50,8 @@ class ReportWriting:
         Writes it, in a thread; None where no block folder belongs to what is shown.
     say
         Tells the operator: severity and one line.
+    keys
+        The keys in force, by action.
     temporary
         Whether the block is deleted on leaving, unless it is asked to be kept.
     """
@@ -58,14 +61,16 @@ class ReportWriting:
         screen: Screen[Any],
         write: WriteReport | None,
         say: Callable[[str, str], None],
+        keys: Mapping[str, tuple[str, ...]],
         *,
         temporary: bool = False,
     ) -> None:
         self._write, self._say, self._temporary = write, say, temporary
+        self._keys = keys
         self._beside = Beside(screen, self._written, self._done, self._failed)
         self._free = self._running = False
 
-    def begin(self, view: BlockView | None) -> None:
+    def begin(self, snapshot: Snapshot) -> None:
         """Write the report of the block, in the datum in which it is shown."""
         if self._write is None:
             self._say("hint", "a recorded session is shown: anaplot report BLOCK writes the report")
@@ -73,6 +78,11 @@ class ReportWriting:
         if self._running:
             self._say("hint", "the report is being written")
             return
+        if not _has_models(snapshot):
+            accept = show_key(self._keys["accept"][0])
+            self._say("hint", f"no model is accepted yet: {accept} accepts one")
+            return
+        view = snapshot.block_view
         self._running, self._free = True, view is not None and view.datum == "free"
         self._say("info", "the report of the accepted models is being written: go on measuring")
         self._beside.wanted()
@@ -89,9 +99,20 @@ class ReportWriting:
 
     def _done(self, page: Path) -> None:
         self._running = False
-        goes = ", and goes with this block unless you keep it" if self._temporary else ""
-        self._say("info", f"report: {page}{goes}")
+        if self._temporary:
+            short = f"{page.parent.name}/{page.name}"
+            self._say("report", f"{short}, gone with this block unless kept")
+        else:
+            self._say("report", str(page))
 
     def _failed(self, words: str) -> None:
         self._running = False
         self._say("error", f"no report: {words}")
+
+
+def _has_models(snapshot: Snapshot) -> bool:
+    """Return whether the block's files have a model, of this session or from elsewhere."""
+    if snapshot.accepted or snapshot.status is None:
+        return True
+    states = {model.state for model in snapshot.status.models}
+    return not states <= {"open", "in work"}

@@ -150,7 +150,7 @@ class OrientationScreen(Screen[None]):
         self._moved_by_hand = False
         self._longest = ""
         self._unread: list[tuple[str, str]] = []
-        self._report = ReportWriting(self, report, self._say, temporary=temporary)
+        self._report = ReportWriting(self, report, self._say, self._keys, temporary=temporary)
         self._pages = Pages(
             station,
             self._keys,
@@ -158,6 +158,7 @@ class OrientationScreen(Screen[None]):
             self._show_advice,
             self._point_again,
             lambda *there: self._do(commands.ReturnTo(*there)),
+            lambda: self._do(Report()),
         )
 
     # -- layout and life -------------------------------------------------------------------
@@ -318,17 +319,15 @@ class OrientationScreen(Screen[None]):
     def _say(self, severity: str, text: str) -> None:
         self.query_one(MessagePanel).say(severity, text)
         self.query_one(DetailsPane).show_lines()
+        self._pages.tell(severity, text)
 
     # -- keys ------------------------------------------------------------------------------
 
     def action_press(self, action: str) -> None:
         """Do what the key of an action means now."""
         self.query_one(MessagePanel).clear()
-        now, table, overview = (
-            self._situation,
-            self.query_one(TableView),
-            self.query_one(OverviewView),
-        )
+        table, overview = self.query_one(TableView), self.query_one(OverviewView)
+        now = self._situation
         if overview.stands and overview.press(action):
             return
         if action == "overview":
@@ -410,7 +409,7 @@ class OrientationScreen(Screen[None]):
             case Read(page):
                 self._pages.open(self.app, page, self._situation.selected)
             case Report():
-                self._report.begin(self._snapshot.block_view)
+                self._report.begin(self._snapshot)
             case Leave(keep):
                 self.app.exit(int(keep))  # KEPT, or 0
             case Turn() | Toggle():

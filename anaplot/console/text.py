@@ -51,7 +51,7 @@ def fit_end(text: str, width: int) -> str:
     if cell_len(text) <= width:
         return fit(text, width)
     kept = text
-    while cell_len(kept) > width - 1:
+    while cell_len(kept) > max(width - 1, 0):
         kept = kept[1:]
     return fit("…" + kept, width)
 

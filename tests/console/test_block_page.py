@@ -86,7 +86,7 @@ async def test_the_block_page_at_80_by_24():
         shown = lines(app)
         assert {cell_len(line) for line in shown} == {80}
         page = [line[3:-4].rstrip() for line in shown]  # without the scrollbar
-        assert page[1] == "The block as one bundle   (escape closes)   (m the map)"
+        assert page[1] == "The block as one bundle   (escape closes)   (m the map)   (W the report)"
         assert page[3:23] == AT_80_BY_24.splitlines()
         # the same key closes it again
         await pilot.press("b")

@@ -12,7 +12,15 @@ from consolefake import FakeStation, console, picture
 from rich.cells import cell_len
 from screenreading import came, lines, text, until
 
+from anaplot.console.panels import MessagePanel
 from anaplot.errors import NotComputableError
+from anaplot.station.blockstatus import (
+    BlockStatus,
+    Coverage,
+    ModelStatus,
+    NextStep,
+    StripStatus,
+)
 from anaplot.station.blockview import BlockView
 
 FREE = BlockView("101/102", 1, False, datum="free")
@@ -115,6 +123,60 @@ async def test_of_a_block_that_will_be_deleted_that_is_said() -> None:
     writer = Writer()
     writer.let.set()
     app = console(FakeStation(), report=writer, temporary=True)
-    async with app.run_test(size=(120, 36)) as pilot:
+    async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press("W")
-        await until(pilot, lambda: "goes with this block unless you keep it" in text(app))
+        await until(
+            pilot,
+            lambda: (
+                "report: reports/2026-05-31-1430.html, gone with this block unless kept"
+                in text(app)
+            ),
+        )
+
+
+async def test_before_a_model_is_accepted_that_is_said() -> None:
+    writer = Writer()
+    open_one = ModelStatus("101", "102", "in work")
+    status = BlockStatus(
+        (StripStatus("1", (open_one,)),), (), None, Coverage(0, 0, 0), NextStep("adjust", "x")
+    )
+    app = console(FakeStation(picture(accepted=(), status=status)), {"accept": "f9"}, report=writer)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("W")
+        await until(pilot, lambda: "no model is accepted yet: f9 accepts one" in text(app))
+        assert not writer.asked
+
+
+async def test_the_block_page_has_the_key_and_says_where_the_report_lies() -> None:
+    station, writer = FakeStation(picture(block_view=FREE)), Writer()
+    app = console(station, {"report": "f9"}, report=writer)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("b")
+        await until(pilot, lambda: "(f9 the report)" in text(app))
+        for keys in ((), ("m",)):
+            writer.let.clear()
+            await pilot.press(*keys, "f9")
+            await until(pilot, lambda: "is being written: go on measuring" in text(app))
+            writer.let.set()
+            await until(pilot, lambda: "report: myblock/reports/2026-05-31-1430.html" in text(app))
+        assert writer.asked == [True, True]
+        await pilot.press("escape")
+        await until(pilot, lambda: len(app.screen_stack) == 1)
+
+
+async def test_nothing_takes_the_place_of_where_the_report_lies_at_once() -> None:
+    now = [0.0]
+    panel = MessagePanel(clock=lambda: now[0])
+    panel.say("report", "a/long/way/" * 9 + "reports/2026-05-31-1430.html")
+    panel.say("warning", "103 is flagged")
+    panel.clear()
+    panel.say("record", "104")
+    (line,) = panel.lines(80, 1)
+    assert line.plain.startswith(" report: …")
+    assert line.plain.endswith("/reports/2026-05-31-1430.html (l: all)")
+    assert cell_len(line.plain) <= 80
+    assert panel.lines(80, 3)[0].plain == " record: 104"
+    now[0] = 7.0
+    assert panel.lines(80, 1)[0].plain == " record: 104"
+    panel.clear()
+    assert panel.lines(80, 1) == []
