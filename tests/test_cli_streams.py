@@ -30,14 +30,14 @@ def under_shell(redirection: str, *arguments: object) -> subprocess.CompletedPro
 
 
 @posix
-@pytest.mark.parametrize("arguments", [PATTERN, ("--help",)])
+@pytest.mark.parametrize("arguments", [PATTERN, ("--help",), ("manual",)])
 def test_a_closed_output_is_one_line(arguments: tuple[str, ...]) -> None:
     result = under_shell(">&-", *arguments)
     one_line(result, 2, "standard output: ", os.strerror(errno.EBADF))
 
 
 @posix
-@pytest.mark.parametrize("arguments", [PATTERN, ("--help",)])
+@pytest.mark.parametrize("arguments", [PATTERN, ("--help",), ("manual",)])
 def test_a_full_output_is_one_line(arguments: tuple[str, ...]) -> None:
     if not Path("/dev/full").exists():
         pytest.skip("no /dev/full")

@@ -53,7 +53,7 @@ class ProgressLine:
         with self._lock:
             if what != self._what:
                 self._what, self._since = what, now
-            self._fraction, self._said = fraction, now
+            self._fraction, self._said = min(fraction, 1.0), now
             if self._watched and now >= self._next:
                 self._draw(now)
 

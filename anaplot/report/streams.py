@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import io
 import os
 import sys
@@ -10,6 +11,10 @@ import sys
 from anaplot.textfiles.wording import plain
 
 __all__ = ["complain", "drop_output", "prepare_streams", "system_message"]
+
+
+_OF_OUTPUT = (errno.ENOSPC, errno.EBADF, errno.EIO)
+"""Of an error that names no file: what is long is written at once and is not waiting any more."""
 
 
 def prepare_streams() -> None:
@@ -70,4 +75,5 @@ def system_message(error: OSError, output_failed: bool) -> str:
     reason = error.strerror or str(error) or type(error).__name__
     if isinstance(error.filename, str | bytes):
         return f"{os.fsdecode(error.filename)}: {reason}"
-    return f"standard output: {reason}" if output_failed else reason
+    ours = output_failed or error.errno in _OF_OUTPUT
+    return f"standard output: {reason}" if ours else reason

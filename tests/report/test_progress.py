@@ -72,6 +72,7 @@ def test_what_is_left_is_told_from_what_has_gone(
             (1000.0, 0.25, "factor  25 %, about 50 min of it left"),
             (10_000.0, 0.25, "factor  25 %, about 8 h of it left"),
             (10_001.0, 1.0, "factor 100 %"),
+            (10_001.5, 1.2, "factor 100 %"),
         ):
             clock[0] = at
             line("factor", share)
