@@ -196,3 +196,12 @@ def test_where_there_is_no_such_block_nothing_is_guessed(block: str) -> None:
     # and a folder too many is one
     assert "no 'b' (known: kinds" in said("adjust", "x", "--components", "b")
     assert command_parser().parse_args(["adjust", "x", "--covariance", "b"]).covariance == ["b"]
+
+
+@pytest.mark.parametrize("words", [("--foo",), ("plan", "--foo"), ("--foo", "demo")])
+def test_an_unknown_option_in_the_place_of_a_command_is_named(
+    words: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    result = here(capsys, *words)
+    assert result.returncode == 2
+    assert "no option '--foo' before the command" in result.stderr

@@ -87,6 +87,9 @@ class CommandParser(argparse.ArgumentParser):
         try:
             found, unknown = super().parse_known_args(words, namespace)
         except InputError as error:
+            if commands_of(self) and words and words[0].startswith("--") and words[0] != "--":
+                # no command, and what stands in its place is why
+                self._refuse(words[0])
             taker, again = self._taken(words)
             if again:
                 with contextlib.suppress(InputError):
