@@ -16,7 +16,7 @@ from anaplot.adjustment.elimination import NotSeparableError
 from anaplot.adjustment.findings import Findings, SearchSettings
 from anaplot.adjustment.pairodds import pair_odds
 from anaplot.adjustment.residualsystem import MeasuredSystem, ResidualSystem
-from anaplot.adjustment.scale import AprioriSigma, check_scale
+from anaplot.adjustment.scale import AprioriSigma, ScaleError, check_scale
 from anaplot.adjustment.significance import critical_normal
 from anaplot.adjustment.strategies import find_gross_errors, findings_at, sigma_of
 from anaplot.adjustment.tested import sigma0_known
@@ -362,6 +362,11 @@ class Attempts(Generic[S, K, R]):
     def ended(self) -> bool:
         """Whether the end was asked for and there is one: nothing more is tried."""
         return self._cleaning.watch.stopped and bool(self.ends)
+
+    @property
+    def doubted(self) -> bool:
+        """Whether a place came to nothing because the residuals contradict the a-priori sigma."""
+        return any(isinstance(error, ScaleError) for error in self._failures)
 
     def begin(
         self,

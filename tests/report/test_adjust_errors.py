@@ -266,12 +266,12 @@ def test_partners_stand_beside_the_row() -> None:
 @pytest.mark.parametrize("strategy", ["baarda", "search"])
 def test_a_sigma_far_from_the_truth_cleans_nothing(strategy: str, folder: Path, capsys) -> None:
     toml = folder / "block.toml"
-    toml.write_text(toml.read_text().replace("image_um = 5.0", "image_um = 0.14"))
+    toml.write_text(toml.read_text().replace("image_um = 5.0", "image_um = 0.08"))
     assert cli.main(["adjust", str(folder), "--errors", strategy]) == 4
     said = capsys.readouterr()
     assert said.out == ""
     assert said.err.count("\n") == 1
-    assert "is image_um = 0.14 right?" in said.err
+    assert "is image_um = 0.08 right?" in said.err
     if strategy == "baarda":
         assert cli.main(["adjust", str(folder), "--errors", "tau"]) == 0
         assert cli.main(["adjust", str(folder), "--errors", strategy, "--as-given"]) == 0

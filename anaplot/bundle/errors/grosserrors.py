@@ -297,6 +297,8 @@ def _best_end(
     if not any(end.settled and end.score <= torn for end in attempts.ends):
         attempts.begin(here, SolvedWithout(here, first.vtpv) if complete else None, held)
     kept_out = frozenset(missing(problem, reduced)) - held
-    if not attempts.ends and kept_out:
+    # so many misfits, and residuals that contradict the a-priori sigma: it is wrong, not they
+    many = 2 * len(kept_out) > cleaning.settings.room(problem.redundancy)
+    if not attempts.ends and kept_out and not (attempts.doubted and many):
         attempts.begin(BlockPlace(state, None), None, held | kept_out)
     return attempts.best()
