@@ -9,7 +9,7 @@ from conditionblocks import every_kind, flat_scene, with_conditions
 from denseblock import dense, dense_inverse
 from givenblocks import campaigns, one_after_the_other
 from gnssblocks import flown
-from scipy.sparse import csr_array, random_array
+from scipy.sparse import csr_array
 
 from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.solve.additional import additional_parameters
@@ -47,7 +47,7 @@ def random_sides(block, seed):
     problem = block.problem
     size = len(problem.photos) * problem.per_photo + 3 * len(problem.points) + problem.in_border
     rng = np.random.default_rng(seed)
-    few = random_array((size, SIDES), density=0.02, rng=rng, data_sampler=rng.normal).toarray()
+    few = np.where(rng.random((size, SIDES)) < 0.02, rng.normal(size=(size, SIDES)), 0.0)
     few[:, 3], few[:, 5] = rng.normal(size=size), 0.0
     return few
 
