@@ -209,7 +209,8 @@ def _accused(found: BlockAdjustment) -> Iterator[_Accused]:
         yield _Accused(Other(what, w), (sigma * w) ** 2, 1)
     suspect = likeliest_suspect(block)
     if suspect is not None:
-        yield _Accused(suspect, (sigma * block.suspects()[0][0]) ** 2, 1)
+        worst = float(np.abs(block.w[block.flagged]).max())
+        yield _Accused(suspect, (sigma * worst) ** 2, 1)
 
 
 def _of_given(given: Given) -> _Accused:
