@@ -34,17 +34,19 @@ from anaplot.photogrammetry.block import (
 BASE, HEIGHT, C = 600.0, 1000.0, 150.0
 
 
-def regular_block(side: int) -> tuple[Problem, BlockState]:
-    """A side x side block, 60/60, a 5 x 5 grid of points per photo, control every third base."""
-    half = 2
+def regular_block(side: int, half: int = 2) -> tuple[Problem, BlockState]:
+    """A side x side block, 60/60, with 2 half + 1 by 2 half + 1 points a photo.
+
+    Control is at every third base.
+    """
     lines = range(-half, half * (side - 1) + half + 1)
     rng = np.random.default_rng(1)
     photos = {(i, j): f"{i}-{j}" for j in range(side) for i in range(side)}
     rows, names = [], {}
     heights = rng.uniform(-20.0, 20.0, (len(lines), len(lines)))
     for (i, j), name in photos.items():
-        for b in range(-2, 3):
-            for a in range(-2, 3):
+        for b in range(-half, half + 1):
+            for a in range(-half, half + 1):
                 x, y = half * i + a, half * j + b
                 point = names.setdefault((x, y), f"p{x}_{y}")
                 depth = HEIGHT - heights[x + half, y + half]
@@ -53,16 +55,16 @@ def regular_block(side: int) -> tuple[Problem, BlockState]:
                     ImagePoint(
                         name,
                         point,
-                        a * BASE / 2 * C / depth + off[0],
-                        b * BASE / 2 * C / depth + off[1],
+                        a * BASE / half * C / depth + off[0],
+                        b * BASE / half * C / depth + off[1],
                     )
                 )
     control = tuple(
         ControlPoint(
-            p, (x * BASE / 2, y * BASE / 2, heights[x + half, y + half]), (0.05, 0.05, 0.05)
+            p, (x * BASE / half, y * BASE / half, heights[x + half, y + half]), (0.05, 0.05, 0.05)
         )
         for (x, y), p in names.items()
-        if x % 6 == 0 and y % 6 == 0
+        if x % (3 * half) == 0 and y % (3 * half) == 0
     )
     block = Block(
         "regular",
@@ -82,8 +84,8 @@ def regular_block(side: int) -> tuple[Problem, BlockState]:
     points = np.array(
         [
             (
-                where[p][0] * BASE / 2,
-                where[p][1] * BASE / 2,
+                where[p][0] * BASE / half,
+                where[p][1] * BASE / half,
                 heights[where[p][0] + half, where[p][1] + half],
             )
             for p in problem.points
