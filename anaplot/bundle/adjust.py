@@ -29,6 +29,7 @@ from anaplot.bundle.start.approximate import (
     laid_onto_control,
     restricted,
 )
+from anaplot.bundle.start.halfrays import settled_points, without_half_seen
 from anaplot.bundle.start.pull import minimum_nearby
 from anaplot.bundle.start.robust import (
     RobustState,
@@ -46,6 +47,7 @@ __all__ = [
     "adjust_problem",
     "calibrated",
     "evaluate",
+    "points_settled",
     "with_additional",
 ]
 
@@ -88,16 +90,54 @@ def adjust_block(
     return adjust_problem(problem, progress=progress)
 
 
-def adjust_problem(problem: Problem, *, progress: Progress | None = None) -> AdjustedBlock:
-    """Adjust a bundle from nothing but its measurements.
-
-    One way after another to approximate values, until one leads to a minimum that fits the
-    measurements. Where none does, because there are gross errors, the best minimum counts.
+def points_settled(
+    problem: Problem, *, progress: Progress | None = None
+) -> tuple[Problem, BlockState | None]:
+    """Leave out the points that half rays do not determine, as the orientations tell.
 
     Parameters
     ----------
     problem
         The bundle.
+    progress
+        Called with what is being done and the fraction of it.
+
+    Returns
+    -------
+    Bundle, and state or None
+        The bundle without them, and approximate values of it without additional parameters; the
+        bundle itself and None where no half rays are in doubt, or photos hang on such points.
+    """
+    firm = without_half_seen(problem)
+    if firm is None:
+        return problem, None
+    try:
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            found, robust, _ = _searched(firm.bare, progress, firm)
+            # gross errors bend photographs until planes meet that are the same
+            state = found.state if robust is None else robust
+    except NoConvergenceError as error:
+        state = error.state
+    except (NotComputableError, np.linalg.LinAlgError):
+        return problem, None
+    return settled_points(problem, firm, state)
+
+
+def adjust_problem(
+    problem: Problem, *, start: BlockState | None = None, progress: Progress | None = None
+) -> AdjustedBlock:
+    """Adjust a bundle from nothing but its measurements.
+
+    One way after another to approximate values, until one leads to a minimum that fits the
+    measurements. Where none does, because there are gross errors, the best minimum counts. Points
+    that half rays do not determine are left out.
+
+    Parameters
+    ----------
+    problem
+        The bundle.
+    start
+        Approximate values to begin with, without additional parameters, where there are any.
     progress
         Called with what is being done and the fraction of it.
 
@@ -109,7 +149,9 @@ def adjust_problem(problem: Problem, *, progress: Progress | None = None) -> Adj
     try:
         # whatever bad data makes infinite on the way is looked at where it matters
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            return _adjusted(problem, progress)
+            if start is None:
+                problem, start = points_settled(problem, progress=progress)
+            return _adjusted(problem, start, progress)
     except np.linalg.LinAlgError as error:
         raise NotComputableError(
             f"block {problem.block.name}: no approximate values found: the measurements "
@@ -117,9 +159,11 @@ def adjust_problem(problem: Problem, *, progress: Progress | None = None) -> Adj
         ) from error
 
 
-def _adjusted(problem: Problem, progress: Progress | None) -> AdjustedBlock:
+def _adjusted(
+    problem: Problem, start: BlockState | None, progress: Progress | None
+) -> AdjustedBlock:
     bare = problem.bare
-    found, robust, whole = _searched(bare, progress, problem)
+    found, robust, whole = _searched(bare, progress, problem, start)
     if bare is problem:
         return evaluate(problem, found, robust=robust, progress=progress)
     # orientations wait neither for additional parameters nor for conditions between points
@@ -198,12 +242,13 @@ def _explained_by_lens(whole: Problem, found: Minimum, progress: Progress | None
 
 
 def _searched(
-    problem: Problem, progress: Progress | None, whole: Problem
+    problem: Problem, progress: Progress | None, whole: Problem, first: BlockState | None = None
 ) -> tuple[Minimum, BlockState | None, Minimum | None]:
     """Return the best minimum, and a robust solution where one was looked for.
 
-    `whole` is the bundle with the additional parameters that the search does without; its minimum
-    is the third where that was found on the way.
+    The search begins from `first`, where that is known. `whole` is the bundle with the additional
+    parameters that the search does without; its minimum is the third where that was found on the
+    way.
     """
     best: Minimum | None = None
     closest: _Closest | None = None
@@ -240,6 +285,8 @@ def _searched(
         return solution
 
     ways = approximate_ways(problem)
+    if first is not None:
+        ways.insert(0, lambda _: first)
     waiting: list[BlockState] = []
     while ways or waiting:
         try:

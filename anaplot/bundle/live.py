@@ -22,6 +22,7 @@ from anaplot.bundle.solve.gaussnewton import NoConvergenceError, find_minimum
 from anaplot.bundle.solve.linearised import linearise, move, objective
 from anaplot.bundle.solve.problem import Datum, Problem, make_problem, remeasured
 from anaplot.bundle.start.approximate import extended_state
+from anaplot.bundle.start.halfrays import settled_points, without_half_seen
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import Block
 
@@ -152,7 +153,10 @@ class LiveBlock:
         """Adjust from the last answer where it has approximate values, else from nothing."""
         if self._answer is not None and self._answer.datum == problem.datum:
             last = self._answer.adjusted
-            extended = extended_state(problem, last.problem, last.state)
+            firm = without_half_seen(problem)
+            extended = extended_state(firm or problem, last.problem, last.state)
+            if firm is not None and extended is not None:
+                problem, extended = settled_points(problem, firm, extended)
             if extended is not None:
                 try:
                     return adjust_bundle(problem, extended, progress=progress)

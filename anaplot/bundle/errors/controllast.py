@@ -15,11 +15,11 @@ from anaplot.adjustment.findings import SearchSettings
 from anaplot.adjustment.watch import Watch
 from anaplot.bundle.adjust import adjust_bundle, with_additional
 from anaplot.bundle.errors.grosserrors import BlockFindings, block_gross_errors
-from anaplot.bundle.errors.leftout import with_priors_of
 from anaplot.bundle.solve.additional import AdditionalParameters
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.datum import priors_hold, with_priors_kept
 from anaplot.bundle.solve.problem import Problem, make_problem
+from anaplot.bundle.solve.remade import with_priors_of, with_rejected_of
 from anaplot.bundle.start.approximate import laid_onto_control
 from anaplot.errors import InputError, NotComputableError
 from anaplot.photogrammetry.block import Block
@@ -106,10 +106,12 @@ def clean_control_last(
     images, datum = _without_control(
         bare, strategy, settings, additional, as_given=as_given, watch=watch
     )
-    problem = _without_images_of(make_problem(block, additional=additional), images.block)
+    free = images.block.problem
+    problem = make_problem(block, additional=additional, undetermined=free.undetermined)
+    problem = with_rejected_of(problem, free)
     if datum != "free":
         # a prior rejected without control stays so
-        problem = with_priors_of(problem, images.block.problem)
+        problem = with_priors_of(problem, free)
     control = block_gross_errors(
         problem, strategy, settings, control_only=True, as_given=as_given, watch=watch
     )
@@ -139,6 +141,8 @@ def _without_control(
     network = cleaned(make_problem(bare, datum="free", additional=additional), "as a free network")
     if problem.given is None and not np.isfinite(problem.expected_sigma).any():
         return network, "free"
+    undetermined = network.block.problem.undetermined
+    problem = make_problem(bare, additional=additional, undetermined=undetermined)
     begin = _onto_priors(problem, network.block, watch)
     datum = "priors" if begin.problem.left_open is None else "partly free"
     return cleaned(begin, "held by the priors as far as they go"), datum
@@ -163,17 +167,5 @@ def _onto_priors(problem: Problem, network: AdjustedBlock, watch: Watch | None) 
             f"without control: block {problem.block.name}: what priors know of points cannot be "
             "joined to the free network"
         )
-    kept = _without_images_of(with_priors_kept(problem, state), network)
+    kept = with_rejected_of(with_priors_kept(problem, state), network.problem)
     return adjust_bundle(kept, with_additional(problem, state), progress=watch)
-
-
-def _without_images_of(problem: Problem, cleaned: AdjustedBlock) -> Problem:
-    """Return a bundle without the image coordinates that another one of its block lacks."""
-    source = cleaned.problem.source
-    out = {(int(source[ray]), axis) for ray, axis in np.argwhere(cleaned.rejected).tolist()}
-    rejected = np.array(
-        [[(row, axis) in out for axis in (0, 1)] for row in problem.source.tolist()]
-    )
-    if problem.off is not None:
-        rejected |= problem.off
-    return replace(problem, rejected=rejected) if rejected.any() else problem

@@ -20,9 +20,8 @@ import numpy as np
 from anaplot.adjustment.watch import Watch
 from anaplot.aliases import Array
 from anaplot.bundle.adjust import adjust_problem
-from anaplot.bundle.errors.leftout import without_same
 from anaplot.bundle.solve.adjusted import AdjustedBlock
-from anaplot.bundle.solve.problem import make_problem
+from anaplot.bundle.solve.remade import laid_out_again
 from anaplot.errors import InputError, NotComputableError
 from anaplot.photogrammetry.block import ImagePoint
 
@@ -295,7 +294,6 @@ def _adjusted(block: AdjustedBlock, rows: list[ImagePoint]) -> AdjustedBlock | N
     problem = block.problem
     changed = replace(problem.block, image_points=tuple(rows))
     try:
-        anew = make_problem(changed, datum=problem.datum, additional=problem.additional)
-        return adjust_problem(without_same(anew, problem))
+        return adjust_problem(laid_out_again(problem, changed))
     except (NotComputableError, InputError):
         return None

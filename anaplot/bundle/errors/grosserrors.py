@@ -29,7 +29,7 @@ from anaplot.adjustment.significance import critical_normal
 from anaplot.adjustment.strategies import STRATEGIES
 from anaplot.adjustment.watch import Watch
 from anaplot.aliases import Array
-from anaplot.bundle.adjust import evaluate
+from anaplot.bundle.adjust import evaluate, points_settled
 from anaplot.bundle.errors.blockrows import BlockPlace, BlockRows
 from anaplot.bundle.errors.leftout import missing
 from anaplot.bundle.errors.misfits import (
@@ -194,10 +194,12 @@ def block_gross_errors(
     """
     if strategy not in STRATEGIES:
         raise ValueError(f"no strategy {strategy!r}; there are {', '.join(STRATEGIES)}")
+    start = None
     if isinstance(block, AdjustedBlock):
         problem = block.problem
     else:
         problem = make_problem(block) if isinstance(block, Block) else block
+        problem, start = points_settled(problem, progress=watch)
     every = problem.every
     test = problem.test
     used = SearchSettings(alpha=test.alpha, power=test.power) if settings is None else settings
@@ -213,7 +215,7 @@ def block_gross_errors(
     begun = (
         PartialAdjustment(block, (), "")
         if isinstance(block, AdjustedBlock)
-        else adjust_without_misfits(problem, progress=watch)
+        else adjust_without_misfits(problem, start=start, progress=watch)
     )
     first = begun.block
     held = frozenset[ObservationName]()

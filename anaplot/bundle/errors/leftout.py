@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from anaplot.aliases import Index
 from anaplot.bundle.solve.observations import GROUND_KINDS, ORIENTATION, ObservationName
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.residuals import BlockResiduals
 
-__all__ = ["missing", "with_priors_of", "with_rows_of", "without", "without_same"]
+__all__ = ["missing", "with_rows_of", "without"]
 
 
 def without(system: BlockResiduals, rows: frozenset[int]) -> Problem:
@@ -78,22 +76,6 @@ def missing(problem: Problem, reduced: Problem) -> tuple[ObservationName, ...]:
     return tuple(names)
 
 
-def with_priors_of(problem: Problem, other: Problem) -> Problem:
-    """Return the bundle with the priors that another one of its photos and points has left.
-
-    A coordinate that control knows free of error has no prior.
-    """
-    mine, its = _in_both(problem.photos, other.photos)
-    position, rotation = problem.position_sigma.copy(), problem.rotation_sigma.copy()
-    position[mine], rotation[mine] = other.position_sigma[its], other.rotation_sigma[its]
-    expected = problem.expected_sigma.copy()
-    mine, its = _in_both(problem.points, other.points)
-    expected[mine] = np.where(np.isfinite(expected[mine]), other.expected_sigma[its], np.nan)
-    return replace(
-        problem, position_sigma=position, rotation_sigma=rotation, expected_sigma=expected
-    )
-
-
 def with_rows_of(problem: Problem, other: Problem) -> Problem:
     """Return a bundle with what takes part in another one of the same photos, points and rays.
 
@@ -107,32 +89,3 @@ def with_rows_of(problem: Problem, other: Problem) -> Problem:
         position_sigma=other.position_sigma,
         rotation_sigma=other.rotation_sigma,
     )
-
-
-def _in_both(names: Sequence[str], others: Sequence[str]) -> Index:
-    """(2, k) places of the names that are in both."""
-    place = {name: k for k, name in enumerate(names)}
-    both = [(place[name], k) for k, name in enumerate(others) if name in place]
-    return np.array(both, dtype=np.intp).reshape(-1, 2).T
-
-
-def without_same(problem: Problem, other: Problem) -> Problem:
-    """Return a bundle without the control, priors and conditions that another one is without.
-
-    Parameters
-    ----------
-    problem
-        The bundle.
-    other
-        One of nearly the same block: its points may stand in another order.
-    """
-    place = {name: k for k, name in enumerate(other.points)}
-    control = problem.known_sigma.copy()
-    for k, name in enumerate(problem.points):
-        if name in place:
-            control[k] = other.known_sigma[place[name]]
-    conditions, others = problem.conditions, other.conditions
-    if conditions is not None and others is not None:
-        gone = {others.rows[k] for k in np.flatnonzero(others.rejected).tolist()}
-        conditions = conditions.without([k for k, row in enumerate(conditions.rows) if row in gone])
-    return with_priors_of(replace(problem, known_sigma=control, conditions=conditions), other)

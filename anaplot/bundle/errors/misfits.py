@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from anaplot.aliases import Array, Progress
-from anaplot.bundle.adjust import adjust_problem, calibrated, evaluate
+from anaplot.bundle.adjust import adjust_problem, calibrated, evaluate, points_settled
 from anaplot.bundle.errors.leftout import missing, with_rows_of
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.datum import check_datum
@@ -52,7 +52,7 @@ class PartialAdjustment(NamedTuple):
 
 
 def adjust_without_misfits(
-    problem: Problem, *, progress: Progress | None = None
+    problem: Problem, *, start: BlockState | None = None, progress: Progress | None = None
 ) -> PartialAdjustment:
     """Adjust a bundle; where no minimum is found, without the observations that fit nowhere.
 
@@ -60,6 +60,8 @@ def adjust_without_misfits(
     ----------
     problem
         The bundle.
+    start
+        Approximate values, as `adjust_problem` has them.
     progress
         Called with what is being done and the fraction of it.
 
@@ -69,8 +71,11 @@ def adjust_without_misfits(
         As `adjust_problem`: what is left out does not help, control free of error is to blame, or
         the block is not determined without it.
     """
+    if start is None:
+        problem, start = points_settled(problem, progress=progress)
     try:
-        return PartialAdjustment(adjust_problem(problem, progress=progress), (), "")
+        block = adjust_problem(problem, start=start, progress=progress)
+        return PartialAdjustment(block, (), "")
     except NoConvergenceError as error:
         failure, start = error, error.state
     # orientations do not wait for additional parameters

@@ -19,11 +19,10 @@ from anaplot.adjustment.significance import critical_normal
 from anaplot.adjustment.watch import Watch
 from anaplot.aliases import Array
 from anaplot.bundle.adjust import adjust_problem
-from anaplot.bundle.errors.leftout import without_same
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.imaging import imaged, seen_places
 from anaplot.bundle.solve.observations import ObservationName
-from anaplot.bundle.solve.problem import make_problem
+from anaplot.bundle.solve.remade import laid_out_again
 from anaplot.errors import NotComputableError
 
 __all__ = ["MisnamedRay", "misnamed_rays"]
@@ -171,11 +170,7 @@ def _put_right(
         rows[tried.other] = replace(rows[tried.other], point=row.point)
     try:
         changed = replace(problem.block, image_points=tuple(rows))
-        right = adjust_problem(
-            without_same(
-                make_problem(changed, datum=problem.datum, additional=problem.additional), problem
-            )
-        )
+        right = adjust_problem(laid_out_again(problem, changed))
     except NotComputableError:
         return None
     back = sum(len(rejected.get(k, ())) for k in tried.rows)

@@ -230,7 +230,9 @@ def _with(
     """Return the block with some parameters of a set."""
     chosen = replace(additional, set=additional.set.only(names))
     old = without.problem
-    problem = make_problem(old.block, datum=old.datum, additional=chosen)
+    problem = make_problem(
+        old.block, datum=old.datum, additional=chosen, undetermined=old.undetermined
+    )
     return calibrated(problem, without.state, robust=without.robust)
 
 
@@ -242,7 +244,9 @@ def _not_determined(without: AdjustedBlock, additional: AdditionalParameters) ->
     """
     old = without.problem
     weak = replace(additional, sigma_um=_WEAK_UM * old.block.precision.image_um)
-    problem = make_problem(old.block, datum=old.datum, additional=weak)
+    problem = make_problem(
+        old.block, datum=old.datum, additional=weak, undetermined=old.undetermined
+    )
     state = with_additional(problem, without.state)
     there = block_residuals(problem, state, make_structure(problem, state.centres))
     names, sigma = additional.set.names, problem.additional_sigma.ravel()

@@ -249,7 +249,9 @@ def doming(block: AdjustedBlock) -> Doming | None:
         equations = block.cofactors.normal, block.cofactors.factor
         return _verdict(block, problem, block.state, equations, sigma, held=False)
     freed = AdditionalParameters(physical.only(_FREED), "camera")
-    trial = make_problem(problem.block, datum=problem.datum, additional=freed)
+    trial = make_problem(
+        problem.block, datum=problem.datum, additional=freed, undetermined=problem.undetermined
+    )
     if trial.photos != problem.photos or trial.points != problem.points:
         return None
     state = block.state

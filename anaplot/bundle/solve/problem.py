@@ -24,12 +24,12 @@ from anaplot.bundle.solve.conditions import Conditions, lay_out_conditions
 from anaplot.bundle.solve.givenprior import GivenPrior, locate
 from anaplot.bundle.solve.laidoffsets import LaidOffsets, lay_out_offsets
 from anaplot.bundle.solve.laidparameters import lay_out_parameters
+from anaplot.bundle.solve.measuredrays import check_rows, measured_xy, stated_lenses
 from anaplot.bundle.solve.pointgroups import Group, groups_by_rays
 from anaplot.bundle.solve.priorbending import check_linear
 from anaplot.bundle.solve.selection import LeftOut, select_rays
 from anaplot.errors import InputError, NotComputableError
 from anaplot.photogrammetry.block import Block, ControlPoint, TestSettings
-from anaplot.photogrammetry.measuredimage import has_lens, measured_rays
 from anaplot.photogrammetry.rotation import rotation_matrix
 
 __all__ = ["Datum", "LeftOut", "Problem", "listed", "make_problem", "remeasured"]
@@ -124,6 +124,9 @@ class Problem:
         all positions are those of projection centres.
     offsets
         What stated positions and angles have in common, or None.
+    undetermined
+        Points that are left out because half rays do not determine them; None where that has not
+        been looked at.
     """
 
     block: Block = field(repr=False)
@@ -183,6 +186,7 @@ class Problem:
 
     lever_arm: Array | None = field(default=None, repr=False)
     offsets: LaidOffsets | None = field(default=None, repr=False)
+    undetermined: frozenset[str] | None = field(default=None, repr=False)
 
     @property
     def bare(self) -> Problem:
@@ -358,7 +362,11 @@ def listed(names: Sequence[str]) -> str:
 
 
 def make_problem(
-    block: Block, *, datum: Datum = "control", additional: AdditionalParameters | None = None
+    block: Block,
+    *,
+    datum: Datum = "control",
+    additional: AdditionalParameters | None = None,
+    undetermined: frozenset[str] | None = None,
 ) -> Problem:
     """Lay out a block as a bundle.
 
@@ -371,6 +379,8 @@ def make_problem(
         distances give a free network its scale.
     additional
         Additional parameters.
+    undetermined
+        Points whose counted coordinates do not determine them, where that is known.
 
     Raises
     ------
@@ -395,7 +405,7 @@ def make_problem(
     sigmas = np.array(
         [block.precision.image_um if r.sigma_um is None else r.sigma_um for r in rows]
     )
-    _check_rows(block, every_xy, sigmas)
+    check_rows(block, every_xy, sigmas)
     stray = next((r for r in rows if r.photo not in photo_names), None)
     if stray is not None:
         raise InputError(f"image point {stray.point}: unknown photo {stray.photo}")
@@ -420,7 +430,9 @@ def make_problem(
     if located is not None:
         at_points, at_photos = located.counts(len(names), len(block.photos))
         observed, has_prior = observed + at_points, has_prior + at_photos
-    useful, left_out = select_rays(block, photo, point, counted, names, observed, has_prior)
+    useful, left_out = select_rays(
+        block, photo, point, counted, names, observed, has_prior, undetermined or frozenset()
+    )
     left_out += [LeftOut("prior", *one) for one in not_needed]
     left_out += [
         LeftOut("control", name, "is not measured in any photo")
@@ -450,8 +462,8 @@ def make_problem(
     ray = np.concatenate((ray, aside))
     ideal, compact_photo = every_xy[ray], new_photo[photo[ray]]
     c = np.array([block.cameras[k].c for k in cameras])
-    lenses = _stated_lenses(block, cameras)
-    xy = ideal if lenses is None else _measured(block, cameras[compact_photo], ideal)
+    lenses = stated_lenses(block, cameras)
+    xy = ideal if lenses is None else measured_xy(block, cameras[compact_photo], ideal)
     parameters = lay_out_parameters(
         block,
         additional,
@@ -509,6 +521,7 @@ def make_problem(
         compared=laid.compared,
         lever_arm=arms if arms.any() else None,
         offsets=_offsets(block, used_photos, priors) if held else None,
+        undetermined=undetermined,
     )
     if located is not None:
         given = located.among(new_point, new_photo, problem.per_photo, block.name)
@@ -532,7 +545,7 @@ def remeasured(problem: Problem, block: Block, ideal: Array) -> Problem:
     """
     if problem.stated_lens is None:
         return replace(problem, block=block, xy=ideal)
-    xy = _measured(block, problem.cameras[problem.photo], ideal)
+    xy = measured_xy(block, problem.cameras[problem.photo], ideal)
     return replace(problem, block=block, xy=xy, without_lens=ideal)
 
 
@@ -563,31 +576,3 @@ def _parted(problem: Problem, count: int, off: Bools) -> Problem:
     its = off[:count] if off[:count].any() else None
     aside = part(slice(count, None)) if count < len(off) else None
     return replace(part(slice(count)), off=its, rejected=its, aside=aside)
-
-
-def _stated_lenses(block: Block, cameras: Index) -> Array | None:
-    """Return (photos, 10) `LENS_PARAMETERS`; None where no camera has a lens."""
-    if not any(has_lens(block.cameras[k]) for k in np.unique(cameras).tolist()):
-        return None
-    return np.array([block.cameras[k].lens_parameters for k in cameras.tolist()])
-
-
-def _measured(block: Block, cameras: Index, ideal: Array) -> Array:
-    """Return (m, 2) measured image coordinates [mm] of ideal ones in (m,) cameras."""
-    out = ideal.copy()
-    for k in np.unique(cameras).tolist():
-        mine = cameras == k
-        out[mine] = measured_rays(block.cameras[k], ideal[mine])
-    return out
-
-
-def _check_rows(block: Block, xy: Array, sigmas: Array) -> None:
-    if not bool(np.isfinite(xy).all()):
-        raise InputError(f"block {block.name}: an image coordinate is not finite")
-    bad = np.nonzero(~((sigmas > 0.0) & np.isfinite(sigmas)))[0]
-    if len(bad):
-        row = block.image_points[int(bad[0])]
-        raise InputError(
-            f"image point {row.point} of photo {row.photo}: "
-            f"the sigma {sigmas[bad[0]]:g} um must be positive"
-        )

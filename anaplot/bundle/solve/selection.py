@@ -13,6 +13,7 @@ from anaplot.photogrammetry.block import Block
 __all__ = ["LeftOut", "left_out_sentences", "select_rays"]
 
 _MOST_LEFT_OUT = 20  # that are named
+_UNDETERMINED = "has rays of which x or y is off, and the rest does not determine it"
 _MOST_ALIKE = 4  # points left out for the same reason that are named one by one
 
 
@@ -40,6 +41,7 @@ def select_rays(
     names: list[str],
     observed: Index,
     has_prior: Index,
+    undetermined: frozenset[str] = frozenset(),
 ) -> tuple[Bools, list[LeftOut]]:
     """Return (m,) rays that take part, and what does not.
 
@@ -56,6 +58,8 @@ def select_rays(
     observed, has_prior
         (points,) coordinates of a point, (photos,) elements of an orientation, that are known
         beside the rays.
+    undetermined
+        Points that are left out because what counts of their rays does not determine them.
     """
     pair, pair_of = np.unique(photo * len(names) + point, return_inverse=True)
     pair_photo, pair_point = pair // len(names), pair % len(names)
@@ -63,8 +67,9 @@ def select_rays(
     np.logical_or.at(seen_axes, pair_of, counted)
     coordinates = seen_axes.sum(axis=1)
     alive = coordinates > 0
-    left: list[LeftOut] = []
-    gone_points = np.zeros(len(names), dtype=bool)
+    gone_points = np.array([name in undetermined for name in names], dtype=bool)
+    left = [LeftOut("point", names[k], _UNDETERMINED) for k in np.flatnonzero(gone_points).tolist()]
+    alive &= ~gone_points[pair_point]
     gone_photos = np.zeros(len(block.photos), dtype=bool)
     while True:
         rays = np.bincount(pair_point[alive], minlength=len(names))

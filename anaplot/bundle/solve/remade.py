@@ -1,0 +1,109 @@
+"""Bundles laid out anew: of a changed block, or without some points; what takes part stays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from anaplot.aliases import Index
+from anaplot.bundle.solve.problem import Problem, make_problem
+from anaplot.photogrammetry.block import Block
+
+__all__ = [
+    "laid_out_again",
+    "with_priors_of",
+    "with_rejected_of",
+    "without_points",
+    "without_same",
+]
+
+
+def laid_out_again(problem: Problem, block: Block) -> Problem:
+    """Lay out a changed block as its bundle was, without the same control, priors and conditions.
+
+    Image coordinates rejected are not looked for, they may have changed; nor are points that were
+    not determined.
+
+    Raises
+    ------
+    InputError, NotComputableError
+        As `make_problem`.
+    """
+    anew = make_problem(block, datum=problem.datum, additional=problem.additional)
+    return without_same(anew, problem)
+
+
+def without_points(problem: Problem, names: frozenset[str]) -> Problem:
+    """Return the bundle with points left out that are not determined.
+
+    Raises
+    ------
+    NotComputableError
+        Nothing is left.
+    """
+    anew = make_problem(
+        problem.block,
+        datum=problem.datum,
+        additional=problem.additional,
+        undetermined=names,
+    )
+    return with_rejected_of(without_same(anew, problem), problem)
+
+
+def with_rejected_of(problem: Problem, other: Problem) -> Problem:
+    """Return a bundle without the image coordinates that another one of its block is without."""
+    if other.rejected is None:
+        return problem
+    of_row = np.zeros((len(problem.block.image_points), 2), dtype=bool)
+    of_row[other.source] = other.rejected
+    rejected = of_row[problem.source]
+    if problem.off is not None:
+        rejected |= problem.off
+    return replace(problem, rejected=rejected if rejected.any() else None)
+
+
+def with_priors_of(problem: Problem, other: Problem) -> Problem:
+    """Return the bundle with the priors that another one of its photos and points has left.
+
+    A coordinate that control knows free of error has no prior.
+    """
+    mine, its = _in_both(problem.photos, other.photos)
+    position, rotation = problem.position_sigma.copy(), problem.rotation_sigma.copy()
+    position[mine], rotation[mine] = other.position_sigma[its], other.rotation_sigma[its]
+    expected = problem.expected_sigma.copy()
+    mine, its = _in_both(problem.points, other.points)
+    expected[mine] = np.where(np.isfinite(expected[mine]), other.expected_sigma[its], np.nan)
+    return replace(
+        problem, position_sigma=position, rotation_sigma=rotation, expected_sigma=expected
+    )
+
+
+def _in_both(names: Sequence[str], others: Sequence[str]) -> Index:
+    """(2, k) places of the names that are in both."""
+    place = {name: k for k, name in enumerate(names)}
+    both = [(place[name], k) for k, name in enumerate(others) if name in place]
+    return np.array(both, dtype=np.intp).reshape(-1, 2).T
+
+
+def without_same(problem: Problem, other: Problem) -> Problem:
+    """Return a bundle without the control, priors and conditions that another one is without.
+
+    Parameters
+    ----------
+    problem
+        The bundle.
+    other
+        One of nearly the same block: its points may stand in another order.
+    """
+    place = {name: k for k, name in enumerate(other.points)}
+    control = problem.known_sigma.copy()
+    for k, name in enumerate(problem.points):
+        if name in place:
+            control[k] = other.known_sigma[place[name]]
+    conditions, others = problem.conditions, other.conditions
+    if conditions is not None and others is not None:
+        gone = {others.rows[k] for k in np.flatnonzero(others.rejected).tolist()}
+        conditions = conditions.without([k for k, row in enumerate(conditions.rows) if row in gone])
+    return with_priors_of(replace(problem, known_sigma=control, conditions=conditions), other)

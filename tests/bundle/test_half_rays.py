@@ -1,0 +1,165 @@
+"""Points of which half rays count: those that are not determined are left out, and nothing else."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bundleblocks import Scene, aerial
+
+from anaplot.bundle.adjust import adjust_block
+from anaplot.bundle.errors.controllast import clean_control_last
+from anaplot.bundle.errors.grosserrors import block_gross_errors
+from anaplot.bundle.live import LiveBlock
+from anaplot.bundle.solve.additional import additional_parameters
+from anaplot.bundle.solve.adjusted import AdjustedBlock
+from anaplot.bundle.solve.problem import make_problem
+from anaplot.bundle.start.halfrays import half_seen
+from anaplot.photogrammetry.block import Block
+
+REASON = "has rays of which x or y is off, and the rest does not determine it"
+CACHED: dict[str, Scene] = {}
+
+
+def scene() -> Scene:
+    if not CACHED:
+        CACHED["aerial"] = aerial(
+            2, 4, per_base=2, tilt=0.0, noise_um=5.0, control_sigma=0.05, seed=3
+        )
+    return CACHED["aerial"]
+
+
+def of_two_photos(block: Block) -> list[tuple[str, list[int]]]:
+    """Return points that two photos of one strip see, and their rows; none is control."""
+    rows = defaultdict(list)
+    for k, row in enumerate(block.image_points):
+        rows[row.point].append(k)
+    control = {row.point for row in block.control}
+    return [
+        (name, its)
+        for name, its in rows.items()
+        if len(its) == 2
+        and name not in control
+        and len({block.image_points[k].photo[0] for k in its}) == 1
+    ]
+
+
+def halved(block: Block, along: int, across: int = 0) -> tuple[Block, set[str], set[str]]:
+    """Return the block with x off in `along` points' second rays and y in `across` others'."""
+    rows = list(block.image_points)
+    two = of_two_photos(block)
+    assert len(two) >= along + across
+    names: list[set[str]] = [set(), set()]
+    for k, (name, its) in enumerate(two[: along + across]):
+        use = "y" if k < along else "x"
+        names[k >= along].add(name)
+        rows[its[1]] = replace(rows[its[1]], use=use)  # type: ignore[arg-type]
+    return replace(block, image_points=tuple(rows)), *names
+
+
+def left(adjusted: AdjustedBlock) -> set[str]:
+    return {one.name for one in adjusted.problem.left_out if one.reason == REASON}
+
+
+def without(block: Block, names: set[str]) -> Block:
+    return replace(block, image_points=tuple(r for r in block.image_points if r.point not in names))
+
+
+def assert_same(one: AdjustedBlock, other: AdjustedBlock) -> None:
+    assert one.problem.photos == other.problem.photos
+    there = {row.point: row for row in other.point_rows()}
+    ours = {row.point: row for row in one.point_rows()}
+    assert set(there) <= set(ours)
+    for name, row in there.items():
+        assert ours[name].xyz == pytest.approx(row.xyz, abs=1e-6)
+    np.testing.assert_allclose(
+        one.state.centres + one.state.origin, other.state.centres + other.state.origin, atol=1e-6
+    )
+    assert one.redundancy == other.redundancy
+    assert one.vtpv == pytest.approx(other.vtpv, rel=1e-8)
+
+
+def test_what_is_off_along_the_base_leaves_a_point_undetermined() -> None:
+    block, along, across = halved(scene().block, 3, 2)
+    adjusted = adjust_block(block)
+    assert left(adjusted) == along
+    assert_same(adjusted, adjust_block(without(block, along | across)))
+    # three planes meet in a point, and check nothing
+    for row in adjusted.point_rows():
+        if row.point in across:
+            assert row.xyz == pytest.approx(scene().points[row.point], abs=1.0)
+    mine = np.isin(np.array(adjusted.problem.points)[adjusted.problem.point], list(across))
+    mine = mine[:, None] & ~adjusted.rejected
+    assert mine.sum() == 3 * len(across)
+    assert np.abs(adjusted.cofactors.r[mine]).max() < 1e-6
+
+
+@pytest.mark.parametrize("how", ["free", "additional"])
+def test_in_every_datum_and_with_additional_parameters(how: str) -> None:
+    block, along, across = halved(scene().block, 2, 1)
+    chosen = None if how == "free" else additional_parameters("ebner", sigma_um=3.0)
+    datum = "free" if how == "free" else "control"
+    adjusted = adjust_block(block, datum=datum, additional=chosen)
+    assert left(adjusted) == along
+    alone = adjust_block(without(block, along | across), datum=datum, additional=chosen)
+    assert adjusted.redundancy == alone.redundancy
+    assert adjusted.vtpv == pytest.approx(alone.vtpv, rel=1e-7)
+
+
+def test_what_tilted_photos_determine_stays() -> None:
+    scene = aerial(2, 4, per_base=2, noise_um=5.0, control_sigma=0.05, tilt=0.2, seed=4)
+    block, along, across = halved(scene.block, 2, 2)
+    problem = make_problem(block)
+    assert {problem.points[k] for k in np.flatnonzero(half_seen(problem))} == along | across
+    adjusted = adjust_block(block)
+    assert not left(adjusted)
+    assert along | across <= {row.point for row in adjusted.point_rows()}
+    assert adjusted.problem.undetermined == frozenset()
+
+
+def test_points_that_something_else_holds_are_not_in_doubt() -> None:
+    block = scene().block
+    name, its = of_two_photos(block)[0]
+    rows = list(block.image_points)
+    rows[its[1]] = replace(rows[its[1]], use="y")
+    block = replace(block, image_points=tuple(rows))
+    assert half_seen(make_problem(block)).sum() == 1
+    height = replace(block.control[0], point=name, xyz=(None, None, scene().points[name][2]))
+    held = replace(block, control=(*block.control, height))
+    assert not half_seen(make_problem(held)).any()
+    assert not left(adjust_block(held))
+
+
+def test_a_gross_error_is_found_beside_them() -> None:
+    block, along, _ = halved(scene().block, 2, 1)
+    rows = list(block.image_points)
+    count = defaultdict(int)
+    for row in rows:
+        count[row.point] += 1
+    at = next(k for k, row in enumerate(rows) if count[row.point] > 4)
+    rows[at] = replace(rows[at], y=rows[at].y + 0.3)
+    block = replace(block, image_points=tuple(rows))
+    gross = ("image", rows[at].photo, rows[at].point, rows[at].model, "y")
+    found = block_gross_errors(block, "baarda")
+    assert [one.name for one in found.rejected] == [gross]
+    assert left(found.block) == along
+    last = clean_control_last(block, "baarda")
+    assert gross in [one.name for one in last.images.rejected]
+    assert left(last.control.block) == along
+
+
+def test_a_live_block_leaves_out_the_same() -> None:
+    block, along, _ = halved(scene().block, 2, 1)
+    live = LiveBlock(replace(block, image_points=()))
+    whole = live.update(scene().block)
+    assert not left(whole.adjusted)
+    answer = live.update(block)
+    assert left(answer.adjusted) == along
+    fresh = adjust_block(block)
+    assert answer.adjusted.redundancy == fresh.redundancy
+    assert answer.adjusted.vtpv == pytest.approx(fresh.vtpv, rel=1e-8)
+    # measured again, they are there again
+    again = live.update(scene().block)
+    assert not left(again.adjusted)
