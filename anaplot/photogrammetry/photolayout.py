@@ -7,14 +7,14 @@ similarities of the photographs' coordinates, as on a table where prints are lai
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
-from math import atan2, pi
+from math import pi
 from typing import NamedTuple
 
 import numpy as np
 
-from anaplot.aliases import Array
+from anaplot.aliases import Array, Bools, Complex, Index
 from anaplot.photogrammetry.block import ImagePoint
 
 __all__ = ["LOOSE", "Overlap", "PhotoPlace", "laid_out", "overlap"]
@@ -93,15 +93,32 @@ def overlap(first: Array, second: Array) -> Overlap:
     a, b = first - first.mean(axis=0), second - second.mean(axis=0)
     # in complex numbers a turn is a factor, a reflection is a conjugate
     za, zb = a @ np.array([1.0, 1.0j]), b @ np.array([1.0, 1.0j])
-    turn, mirror = np.vdot(zb, za), np.vdot(zb.conj(), za)
-    size = float(np.vdot(za, za).real + np.vdot(zb, zb).real)
-    left_turn = max(size - 2.0 * abs(turn), 0.0)
-    left_mirror = max(size - 2.0 * abs(mirror), 0.0)
+    size = np.vdot(za, za).real + np.vdot(zb, zb).real
+    angle, mirrored, misfit, spread = _fitted(
+        np.array(float(len(a))), np.vdot(zb, za), np.vdot(zb.conj(), za), size
+    )
+    return Overlap(len(a), float(angle), bool(mirrored), float(misfit), float(spread))
+
+
+def _fitted(
+    points: Array, turn: Complex, mirror: Complex, size: Array
+) -> tuple[Array, Bools, Array, Array]:
+    """Return angles, reflections, misfits and spreads of overlaps, as in `Overlap`.
+
+    Parameters
+    ----------
+    points
+        Their numbers of points.
+    turn, mirror, size
+        Sums of the products of the second photograph's reduced coordinates, conjugated for a turn,
+        with the first one's; and of the squares of both.
+    """
+    left_turn = np.maximum(size - 2.0 * np.abs(turn), 0.0)
+    left_mirror = np.maximum(size - 2.0 * np.abs(mirror), 0.0)
     mirrored = left_mirror < _MIRRORED**2 * left_turn
-    best = mirror if mirrored else turn
-    misfit = (min(left_turn, left_mirror) / len(a)) ** 0.5
-    spread = (size / (2.0 * len(a))) ** 0.5
-    return Overlap(len(a), atan2(best.imag, best.real), mirrored, misfit, spread)
+    best = np.where(mirrored, mirror, turn)
+    misfit = np.sqrt(np.minimum(left_turn, left_mirror) / points)
+    return np.arctan2(best.imag, best.real), mirrored, misfit, np.sqrt(size / (2.0 * points))
 
 
 def laid_out(image_points: Iterable[ImagePoint]) -> dict[str, PhotoPlace]:
@@ -114,63 +131,135 @@ def laid_out(image_points: Iterable[ImagePoint]) -> dict[str, PhotoPlace]:
     image_points
         Their image points; what is off does not count.
     """
-    places: dict[str, dict[str, tuple[float, float]]] = defaultdict(dict)
-    photos_of: dict[str, list[str]] = defaultdict(list)
-    for row in image_points:
-        if row.use != "off" and row.point not in places[row.photo]:
-            places[row.photo][row.point] = (row.x, row.y)
-            photos_of[row.point].append(row.photo)
-    common: dict[tuple[str, str], list[str]] = defaultdict(list)
-    for point, photos in photos_of.items():
-        near = sorted(photos)[:_MOST_RAYS]
-        for k, first in enumerate(near):
-            for second in near[k + 1 :]:
-                common[first, second].append(point)
-    pairs = {
-        (i, j): (_of(places[i], points), _of(places[j], points))
-        for (i, j), points in common.items()
-        if len(points) >= _FEWEST
-    }
-    return _placed(pairs, {photo: _spread(here) for photo, here in places.items()})
-
-
-def _spread(places: Mapping[str, tuple[float, float]]) -> float:
-    at = np.array(list(places.values()))
-    return float(np.hypot(*(at - at.mean(axis=0)).T).mean())
-
-
-def _of(places: Mapping[str, tuple[float, float]], points: list[str]) -> Array:
-    return np.array([places[p] for p in points])
-
-
-def _placed(
-    pairs: Mapping[tuple[str, str], tuple[Array, Array]], spread: Mapping[str, float]
-) -> dict[str, PhotoPlace]:
-    every = {key: overlap(*both) for key, both in pairs.items()}
-    overlaps = {key: one for key, one in every.items() if not one.loose}
-    angle, flip = _along_tree(overlaps)
-    names = {photo: k for k, photo in enumerate(angle)}
-    # points on a line fit mirrored as well: what contradicts the others says nothing
-    edges = []
-    seen: dict[str, int] = defaultdict(int)
-    against: dict[str, int] = defaultdict(int)
-    for (first, second), one in overlaps.items():
-        if first not in names:
-            continue
-        agrees = one.mirrored == (flip[first] != flip[second])
-        if agrees:
-            edges.append((first, second))
-        for photo in (first, second):
-            seen[photo] += one.points
-            against[photo] += 0 if agrees else one.points
-    if not edges:
+    rows = [row for row in image_points if row.use != "off"]
+    if not rows:
         return {}
-    from scipy.sparse import coo_matrix  # loaded with the first photos that overlap
-    from scipy.sparse.linalg import spsolve
+    names: dict[str, int] = {}
+    photo = np.array([names.setdefault(row.photo, len(names)) for row in rows])
+    numbers: dict[str, int] = {}
+    point = np.array([numbers.setdefault(row.point, len(numbers)) for row in rows])
+    # of a point that a photograph has twice the first
+    once = np.unique(point * len(names) + photo, return_index=True)[1]
+    photo, point = photo[once], point[once]
+    at = np.array([complex(row.x, row.y) for row in rows])[once]
+    count = np.bincount(photo)
+    total = np.stack((np.bincount(photo, at.real), np.bincount(photo, at.imag)), axis=1)
+    middle = (total / count[:, None]).view(np.complex128)[:, 0]
+    at = at - middle[photo]
+    spread = np.bincount(photo, np.abs(at)) / count
+    overlaps = _overlaps(tuple(names), photo, point, at)
+    name = tuple(names)
+    return {name[k]: place for k, place in _placed(overlaps, middle, spread).items()}
 
-    i, j = (np.array([names[key[end]] for key in edges]) for end in (0, 1))
-    weight = np.array([float(overlaps[key].points) for key in edges])
-    n = len(names)
+
+class _Overlaps(NamedTuple):
+    """Overlaps of pairs of photographs; complex numbers are coordinates x + iy [mm].
+
+    Attributes
+    ----------
+    first, second
+        Numbers of the photographs.
+    points, angle, mirrored, misfit
+        As in `Overlap`.
+    means
+        (2, n) means of the common points in either photograph, from the mean of all its points.
+    """
+
+    first: Index
+    second: Index
+    points: Array
+    angle: Array
+    mirrored: Bools
+    misfit: Array
+    means: Complex
+
+    def of(self, these: Bools | Index) -> _Overlaps:
+        """Return some of them."""
+        return _Overlaps(
+            self.first[these],
+            self.second[these],
+            self.points[these],
+            self.angle[these],
+            self.mirrored[these],
+            self.misfit[these],
+            self.means[:, these],
+        )
+
+
+def _overlaps(names: tuple[str, ...], photo: Index, point: Index, at: Complex) -> _Overlaps:
+    """Return the overlaps that say something.
+
+    Parameters
+    ----------
+    names
+        Of the photographs.
+    photo, point, at
+        (m,) photograph, point and coordinates of every ray, from the mean of its photograph.
+    """
+    from scipy.sparse import csr_matrix, triu  # loaded with the first photos
+
+    rank = np.empty(len(names), dtype=np.intp)
+    rank[np.argsort(np.array(names, dtype=object), kind="stable")] = np.arange(len(names))
+    order = np.lexsort((rank[photo], point))
+    first_of = np.searchsorted(point[order], np.arange(int(point.max()) + 1))
+    order = order[np.arange(len(order)) - first_of[point[order]] < _MOST_RAYS]
+    # photographs in the order of their names: of a pair the first is the one with the lower row
+    photo, point, at = rank[photo[order]], point[order], at[order]
+    shape = (len(names), len(first_of))
+
+    def rays(values: Array | Complex) -> csr_matrix:
+        return csr_matrix((values, (photo, point)), shape=shape)
+
+    once, there, square = rays(np.ones(len(at))), rays(at), rays(np.abs(at) ** 2)
+    common = triu(once @ once.T, 1).tocoo()
+    enough = common.data >= _FEWEST
+    i, j, n = common.row[enough], common.col[enough], common.data[enough]
+
+    def of_pairs(product: csr_matrix) -> tuple[Array, Array]:
+        """Return the elements (i, j) and (j, i) of a product."""
+        return np.asarray(product[i, j]).ravel(), np.asarray(product[j, i]).ravel()
+
+    sums = np.stack(of_pairs(there @ once.T))
+    size = np.sum(of_pairs(square @ once.T), axis=0) - (np.abs(sums) ** 2).sum(axis=0) / n
+    turn = of_pairs(there @ there.conj().T)[0] - sums[0] * sums[1].conj() / n
+    mirror = of_pairs(there @ there.T)[0] - sums[0] * sums[1] / n
+    angle, mirrored, misfit, spread = _fitted(n, turn, mirror, np.maximum(size, 0.0))
+    back = np.argsort(rank)
+    found = _Overlaps(back[i], back[j], n, angle, mirrored, misfit, sums / n)
+    return found.of(misfit <= LOOSE * spread)
+
+
+def _placed(overlaps: _Overlaps, middle: Complex, spread: Array) -> dict[int, PhotoPlace]:
+    """Return photographs among the others, by their numbers.
+
+    Parameters
+    ----------
+    overlaps
+        Those that say something.
+    middle, spread
+        (photos,) mean of the points of each photograph, and their mean distance from it.
+    """
+    angle, flip = _along_tree(overlaps)
+    if not angle:
+        return {}
+    photos = np.array(list(angle))
+    n = len(photos)
+    names = np.full(len(middle), -1)
+    names[photos] = np.arange(n)
+    sign = np.array([-1.0 if flip[photo] else 1.0 for photo in angle])
+    # points on a line fit mirrored as well: what contradicts the others says nothing
+    overlaps = overlaps.of(names[overlaps.first] >= 0)
+    i, j = names[overlaps.first], names[overlaps.second]
+    agrees = overlaps.mirrored == (sign[i] != sign[j])
+    seen, against = (
+        np.bincount(i, points, n) + np.bincount(j, points, n)
+        for points in (overlaps.points, np.where(agrees, 0.0, overlaps.points))
+    )
+    i, j, overlaps = i[agrees], j[agrees], overlaps.of(agrees)
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.linalg import splu
+
+    weight = overlaps.points
     # the graph's Laplacian, the first photo held
     laplace = coo_matrix(
         (
@@ -179,72 +268,62 @@ def _placed(
         ),
         shape=(n, n),
     ).tocsc()[1:, 1:]
+    factor = splu(laplace, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
 
     def solved(difference: Array) -> Array:
         """Return values at the photos from their differences j - i along the edges."""
-        right = np.zeros(n)
-        np.add.at(right, j, weight * difference)
-        np.add.at(right, i, -weight * difference)
-        out = np.zeros(n)
-        if n > 1:
-            out[1:] = spsolve(laplace, right[1:])
-        return out
+        right = np.bincount(j, weight * difference, n) - np.bincount(i, weight * difference, n)
+        return np.concatenate([[0.0], factor.solve(right[1:])])
 
     start = np.array(list(angle.values()))
-    sign = np.array([-1.0 if flip[photo] else 1.0 for photo in names])
-    found = np.array([sign[names[key[0]]] * overlaps[key].angle for key in edges])
-    misclosure = found - (start[j] - start[i])
+    misclosure = sign[i] * overlaps.angle - (start[j] - start[i])
     turned = start + solved((misclosure + pi) % (2.0 * pi) - pi)
-    shifts = np.array(
-        [
-            _turned(pairs[key][0], turned[a], sign[a]) - _turned(pairs[key][1], turned[b], sign[b])
-            for key, a, b in zip(edges, i, j, strict=True)
-        ]
+    mean = overlaps.means + middle[photos[np.stack([i, j])]]
+
+    def among(mean: Complex, k: Index) -> Complex:
+        """Return means of image coordinates of photographs as they lie among the others."""
+        out: Complex = (mean.real + 1j * sign[k] * mean.imag) * np.exp(1j * turned[k])
+        return out
+
+    shift = among(mean[0], i) - among(mean[1], j)
+    usual = np.count_nonzero(sign < 0.0) > n / 2
+    columns = (
+        solved(shift.real),
+        solved(shift.imag),
+        turned,
+        (sign < 0.0) != usual,
+        spread[photos],
+        against / seen,
     )
-    x, y = solved(shifts[:, 0]), solved(shifts[:, 1])
-    usual = np.count_nonzero(sign < 0.0) > len(sign) / 2
-    return {
-        photo: PhotoPlace(
-            float(x[k]),
-            float(y[k]),
-            float(turned[k]),
-            bool((sign[k] < 0.0) != usual),
-            spread[photo],
-            against[photo] / seen[photo],
-        )
-        for photo, k in names.items()
-    }
+    places = map(PhotoPlace, *(column.tolist() for column in columns))
+    return dict(zip(photos.tolist(), places, strict=True))
 
 
-def _turned(places: Array, angle: float, sign: float) -> Array:
-    """Return the mean of image coordinates of a photo as it lies among the others."""
-    x, y = places.mean(axis=0)
-    z = complex(x, sign * y) * np.exp(1j * angle)
-    return np.array([z.real, z.imag])
-
-
-def _along_tree(
-    overlaps: Mapping[tuple[str, str], Overlap],
-) -> tuple[dict[str, float], dict[str, bool]]:
+def _along_tree(overlaps: _Overlaps) -> tuple[dict[int, float], dict[int, bool]]:
     """Return angles and reflections along the strongest overlaps, in the largest component."""
-    beside: dict[str, list[tuple[str, float, bool]]] = defaultdict(list)
-    root: dict[str, str] = {}
+    beside: dict[int, list[tuple[int, float, bool]]] = defaultdict(list)
+    root: dict[int, int] = {}
 
-    def root_of(photo: str) -> str:
+    def root_of(photo: int) -> int:
         while root.setdefault(photo, photo) != photo:
             root[photo] = root[root[photo]]
             photo = root[photo]
         return photo
 
-    strong = sorted(overlaps.items(), key=lambda item: (-item[1].points, item[1].misfit))
-    for (first, second), one in strong:
+    strong = overlaps.of(np.lexsort((overlaps.misfit, -overlaps.points)))
+    for first, second, turn, mirrored in zip(
+        strong.first.tolist(),
+        strong.second.tolist(),
+        strong.angle.tolist(),
+        strong.mirrored.tolist(),
+        strict=True,
+    ):
         a, b = root_of(first), root_of(second)
         if a != b:
             root[a] = b
-            back = one.angle if one.mirrored else -one.angle
-            beside[first].append((second, one.angle, one.mirrored))
-            beside[second].append((first, back, one.mirrored))
-    largest: tuple[dict[str, float], dict[str, bool]] = ({}, {})
+            beside[first].append((second, turn, mirrored))
+            beside[second].append((first, turn if mirrored else -turn, mirrored))
+    largest: tuple[dict[int, float], dict[int, bool]] = ({}, {})
     left = dict.fromkeys(beside)
     while left:
         start = next(iter(left))

@@ -242,6 +242,28 @@ def test_a_turn_and_a_shift_leave_nothing(at: list[tuple[float, float]], by: flo
         assert np.cos(found.angle - by) > 1.0 - 1e-6
 
 
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_two_photos_lie_as_their_overlap_has_it(mirrored: bool) -> None:
+    rng = np.random.default_rng(3)
+    at = rng.uniform(-100.0, 100.0, (9, 2)) + np.array([0.0, 700.0])
+    turned = (at - (60.0, 690.0)) @ np.array([[0.8, 0.6], [-0.6, 0.8]])
+    other = turned + rng.normal(0.0, 1.0, (9, 2))
+    other[:, 1] *= -1.0 if mirrored else 1.0
+    rows = [ImagePoint("b", str(k), *here) for k, here in enumerate(at.tolist())]
+    rows += [ImagePoint("a", str(k), *here) for k, here in enumerate(other.tolist())]
+    # what is off, what only one has, and the second row of a point say nothing
+    rows.insert(0, ImagePoint("b", "0", 0.0, 0.0, use="off"))
+    rows += [ImagePoint("a", "alone", 0.0, 0.0), ImagePoint("a", "1", 0.0, 0.0, model="a/b")]
+    found, laid = overlap(other, at), laid_out(rows)
+    assert found.mirrored == mirrored == (laid["a"].mirrored != laid["b"].mirrored)
+    assert (laid["a"].angle, laid["b"].angle) == (0.0, pytest.approx(found.angle, abs=1e-12))
+    mine = other.mean(axis=0) - (laid["b"].x, laid["b"].y)
+    x, y = at.mean(axis=0)
+    z = complex(x, -y if mirrored else y) * np.exp(1j * found.angle)
+    np.testing.assert_allclose(mine, (z.real, z.imag), atol=1e-10)
+    assert laid["b"].spread == pytest.approx(np.hypot(*(at - at.mean(axis=0)).T).mean())
+
+
 def test_photos_are_laid_out_where_they_were_exposed() -> None:
     block = measured(2, 4)
     at = laid_out(block.image_points)

@@ -143,7 +143,7 @@ class _Weighed(NamedTuple):
 
 def _weigh(block: AdjustedBlock, point: str) -> _Weighed:
     problem = block.problem
-    rays, q = block.cofactors.point_rays(problem.points.index(point))
+    rays, q = block.cofactors.point_rays(block.point_number(point))
     sigma = block.sigma if block.sigma is not None and block.sigma > 0.0 else 1.0
     f = block.redundancy
     estimated = not sigma0_known(problem.test.kind) and bool(block.sigma)

@@ -104,6 +104,17 @@ class AdjustedBlock:
         return self.test.critical
 
     @cached_property
+    def _point_numbers(self) -> dict[str, int]:
+        return {name: k for k, name in enumerate(self.problem.points)}
+
+    def point_number(self, point: str) -> int:
+        """Return which of the problem's points a name is; ValueError where it is none."""
+        number = self._point_numbers.get(point)
+        if number is None:
+            raise ValueError(f"no point {point!r} in the block")
+        return number
+
+    @cached_property
     def observations(self) -> Observations:
         """Which observations there are."""
         return observations_of(self.cofactors)
@@ -283,27 +294,26 @@ class AdjustedBlock:
 
     def photo_rows(self) -> list[PhotoRow]:
         """Return the adjusted orientations in the block's order."""
-        rows = []
-        diagonal = np.einsum("nii->ni", self.cofactors.photos)
-        for k, name in enumerate(self.problem.photos):
-            rotation = self.state.rotations[k]
-            angles = rotation_angles(rotation)
-            q = self.cofactors.photos[k, 3:6, 3:6]
-            axes = rotation_axes(angles[0], angles[1])
-            s_angles: tuple[float | None, ...] = (None, None, None)
-            if abs(np.linalg.det(axes)) > 1e-9:  # omega and kappa are one at phi = 90 degrees
-                inverse = np.linalg.inv(axes)
-                s_angles = self._deviations(np.diag(inverse @ q @ inverse.T))
-            rows.append(
-                PhotoRow(
-                    name,
-                    _triple(self.state.centres[k] + self.state.origin),
-                    angles,
-                    self._deviations(diagonal[k, :3]),  # type: ignore[arg-type]
-                    s_angles,  # type: ignore[arg-type]
-                )
+        centres = (self.state.centres + self.state.origin).tolist()
+        angles = [rotation_angles(rotation) for rotation in self.state.rotations]
+        axes = np.array([rotation_axes(omega, phi) for omega, phi, _ in angles])
+        q = np.einsum("nii->ni", self.cofactors.photos)[:, :6].copy()
+        told = np.abs(np.linalg.det(axes)) > 1e-9  # omega and kappa are one at phi = 90 degrees
+        inverse = np.linalg.inv(axes[told])
+        turned = inverse @ self.cofactors.photos[told, 3:6, 3:6]
+        q[told, 3:6] = np.einsum("nij,nij->ni", turned, inverse)
+        s = self._deviations(q.ravel())
+        unknown = (None, None, None)
+        return [
+            PhotoRow(
+                name,
+                (x, y, z),
+                angles[k],
+                s[6 * k : 6 * k + 3],  # type: ignore[arg-type]
+                s[6 * k + 3 : 6 * k + 6] if told[k] else unknown,  # type: ignore[arg-type]
             )
-        return rows
+            for k, (name, (x, y, z)) in enumerate(zip(self.problem.photos, centres, strict=True))
+        ]
 
     def point_rows(self) -> list[PointRow]:
         """Return the adjusted points in the order of the image points' file."""
@@ -417,7 +427,7 @@ class AdjustedBlock:
             coordinates that nothing checks.
         """
         problem = self.problem
-        rays, q = self.cofactors.point_rays(problem.points.index(point))
+        rays, q = self.cofactors.point_rays(self.point_number(point))
         labels = [
             (
                 problem.photos[problem.photo[k]],

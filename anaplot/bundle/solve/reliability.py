@@ -219,7 +219,7 @@ class Cofactors:
         for change in self.normal.changes(self.factor):
             shown = self.normal.seen(*change.gain, rays).reshape(2 * k, -1)
             adjusted -= shown @ change.inner @ shown.T
-        return rays, np.diag(_weighted(problem)[rays].ravel()) - adjusted
+        return rays, np.diag(_weighted(problem, rays).ravel()) - adjusted
 
     def column(self, ray: int, axis: int) -> Array:
         """Return (m, 2): a column of Q_vv P of the image coordinates, see `cofactor_column`."""
@@ -262,15 +262,15 @@ def cofactor_column(normal: NormalEquations, factor: Factor, ray: int, axis: int
         columns = normal.border_columns(problem.additional_group[[ray]])[0]
         shared[columns, 0] = linear.h[ray, axis]
     out = -normal.seen(*normal.solve(factor, photos, points, shared))[:, :, 0]
-    out[ray, axis] += _weighted(problem)[ray, axis]
+    out[ray, axis] += _weighted(problem, np.array([ray]))[0, axis]
     return out
 
 
-def _weighted(problem: Problem) -> Array:
-    """(m, 2) ones; zeros for rejected image coordinates, which have no residual to speak of."""
+def _weighted(problem: Problem, rays: Index | slice) -> Array:
+    """(k, 2) ones; zeros for rejected image coordinates, which have no residual to speak of."""
     if problem.rejected is None:
-        return np.ones((len(problem.photo), 2))
-    return np.asarray(~problem.rejected, dtype=float)
+        return np.ones((len(problem.photo[rays]), 2))
+    return np.asarray(~problem.rejected[rays], dtype=float)
 
 
 def compute_cofactors(
@@ -369,7 +369,7 @@ def compute_cofactors(
     update = normal.update(factor)
     if update is not None:
         r_conditions = np.diag(update.rows).copy()
-    r = _weighted(problem) - np.einsum("mii->mi", adjusted)
+    r = _weighted(problem, slice(None)) - np.einsum("mii->mi", adjusted)
     np.clip(r, 0.0, 1.0, out=r)
     weight = linear.point_weight
     r_ground = np.where(

@@ -73,10 +73,11 @@ def to_some_ground(problem: Problem, subblock: SubBlock) -> None:
 
 def _both_places(problem: Problem, subblock: SubBlock) -> tuple[Array, Array]:
     """Return places in the sub-block, (n, 3), and what is known of them; NaN where nothing is."""
-    placed = subblock.placed & np.isfinite(problem.near).any(axis=1)
+    near = problem.near
+    placed = subblock.placed & np.isfinite(near).any(axis=1)
     stated = subblock.oriented & np.isfinite(problem.position[:, 0])
     source = np.concatenate((subblock.points[placed], subblock.centres[stated]))
-    return source, np.concatenate((problem.near[placed], problem.stated_centres[stated]))
+    return source, np.concatenate((near[placed], problem.stated_centres[stated]))
 
 
 def _known_turns(problem: Problem, subblock: SubBlock) -> list[Array]:
@@ -101,7 +102,8 @@ def _about_the_line(
     spread = np.linalg.svd(target - target.mean(axis=0), compute_uv=False)
     if len(source) > 2 and spread[1] > 0.15 * spread[0]:
         return None
-    known = np.asarray(np.isfinite(problem.near).all(axis=1))
+    near = problem.near
+    known = np.asarray(np.isfinite(near).all(axis=1))
     use = np.nonzero(subblock.oriented[problem.photo] & known[problem.point])[0]
     start = _along_the_line(source, target) if start is None else start
     if start is None:
@@ -110,20 +112,17 @@ def _about_the_line(
         return start
     axis = np.linalg.svd(target - target.mean(axis=0))[2][0]
     middle = target.mean(axis=0)
+    photo, c = problem.photo[use], problem.c[problem.photo[use]]
+    centres, rotations = subblock.centres[photo], subblock.rotations[photo]
+    ideal, there = problem.ideal[use], near[problem.point[use]]
     best, best_size = start, float("inf")
     for angle in np.linspace(0.0, 2.0 * np.pi, 120, endpoint=False).tolist():
         rotation = turns(angle * axis[None])[0]
         trial = Similarity(
             start.scale, rotation @ start.rotation, middle + rotation @ (start.shift - middle)
         )
-        seen = project(
-            trial.apply(subblock.centres[problem.photo[use]]),
-            trial.rotation @ subblock.rotations[problem.photo[use]],
-            problem.c[problem.photo[use]],
-            problem.near[problem.point[use]],
-        )
-        c = problem.c[problem.photo[use]]
-        miss = np.linalg.norm(seen.xy - problem.ideal[use], axis=1)
+        seen = project(trial.apply(centres), trial.rotation @ rotations, c, there)
+        miss = np.linalg.norm(seen.xy - ideal, axis=1)
         miss = np.where((seen.depth > 0.0) & np.isfinite(miss), np.minimum(miss, c), 4.0 * c)
         if float(miss.sum()) < best_size - 1e-9:
             best, best_size = trial, float(miss.sum())
