@@ -205,3 +205,24 @@ def test_an_unknown_option_in_the_place_of_a_command_is_named(
     result = here(capsys, *words)
     assert result.returncode == 2
     assert "no option '--foo' before the command" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        (("adjust", ""), "argument BLOCK: an empty name (. is the folder you are in)"),
+        (("adjust", "x", "--csv", ""), "argument --csv: an empty name"),
+        (("adjust", "x", "--csv", "-"), "argument --csv: not to standard output: name a file"),
+        (("adjust", "x", "--csv=a", "--csv=b"), "argument --csv: given twice"),
+        (("bridge", "x", "--to", "a", "--to", "a"), "argument --to: given twice"),
+        (("report", "x", "-o", "-"), "argument -o/--output: not to standard output"),
+        (("report", "x", "-o", "a", "--output", "b"), "argument -o/--output: given twice"),
+        (("pack", "x", "-o", ""), "argument -o/--output: an empty name"),
+    ],
+)
+def test_what_is_written_has_one_name(line: tuple[str, ...], message: str) -> None:
+    assert said(*line).startswith(message)
+
+
+def test_a_file_may_be_named_like_standard_output() -> None:
+    assert command_parser().parse_args(["adjust", "x", "--csv", "./-"]).csv == Path("-")

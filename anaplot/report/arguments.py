@@ -7,6 +7,8 @@ import math
 from collections.abc import Callable
 from pathlib import Path
 
+from anaplot.report.commandparser import NewTarget
+
 __all__ = [
     "add_matrix",
     "add_output",
@@ -37,12 +39,15 @@ def add_output(parser: argparse.ArgumentParser, main: str, *, folder: bool = Tru
     parser.add_argument(
         "--all", action="store_true", help="print tables of more than 100 rows, and lists, whole"
     )
-    parser.add_argument("--csv", type=Path, metavar="FILE", help=f"write {main} as CSV")
+    parser.add_argument(
+        "--csv", type=Path, action=NewTarget, metavar="FILE", help=f"write {main} as CSV"
+    )
     if folder:
         parser.add_argument(
             "--to",
             dest="tables",
             type=Path,
+            action=NewTarget,
             metavar="FOLDER",
             help="write every table as CSV, and summary.json, into a new or empty folder",
         )
@@ -53,12 +58,14 @@ def add_report_page(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--report",
         type=Path,
+        action=NewTarget,
         metavar="FILE.html",
         help="write the result as one page that stands by itself: verdict, figures, tables",
     )
     parser.add_argument(
         "--figures",
         type=Path,
+        action=NewTarget,
         metavar="FOLDER",
         help="with --report: write every figure of the page as an SVG file too",
     )

@@ -8,12 +8,13 @@ import os
 import sys
 from collections.abc import Callable, Generator, Sequence
 from itertools import takewhile
+from pathlib import Path
 from typing import Any, NoReturn
 
 from anaplot.errors import InputError
 from anaplot.textfiles.wording import hint, quoted
 
-__all__ = ["CommandParser", "Commands", "commands_of"]
+__all__ = ["CommandParser", "Commands", "NewTarget", "commands_of"]
 
 _MISSING = "the following arguments are required"  # as argparse begins
 _SOME = {"?": 1, "*": 1, "+": 2}
@@ -47,6 +48,22 @@ class _Help(argparse.RawDescriptionHelpFormatter):
             self._dedent()
 
 
+class NewTarget(argparse.Action):
+    """A file or folder that a command writes: named once, and no sign for standard output."""
+
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: Any,
+        option_string: str | None = None,
+    ) -> None:
+        """Keep the path."""
+        if getattr(namespace, self.dest, None) not in (None, self.default):
+            raise argparse.ArgumentError(self, "given twice")
+        setattr(namespace, self.dest, values)
+
+
 class CommandParser(argparse.ArgumentParser):
     """A parser whose errors are one line, like every other error, and say what is meant.
 
@@ -73,6 +90,14 @@ class CommandParser(argparse.ArgumentParser):
         if isinstance(formatter, _Help):
             formatter.groups = self.groups
         return formatter
+
+    def _get_values(self, action: argparse.Action, arg_strings: list[str]) -> Any:
+        if action.type is Path and "" in arg_strings:
+            # which the path of no name would read as the folder one stands in
+            raise argparse.ArgumentError(action, "an empty name (. is the folder you are in)")
+        if arg_strings == ["-"] and isinstance(action, NewTarget):
+            raise argparse.ArgumentError(action, "not to standard output: name a file (./- is one)")
+        return super()._get_values(action, arg_strings)
 
     def error(self, message: str) -> NoReturn:
         """Raise what is wrong as an `InputError`, with the command whose help says more."""

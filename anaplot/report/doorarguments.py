@@ -10,6 +10,7 @@ from typing import Any
 from anaplot.errors import InputError
 from anaplot.exchange.formats.registry import FORMATS
 from anaplot.report.arguments import length, positive
+from anaplot.report.commandparser import NewTarget
 
 __all__ = ["add_export_arguments", "add_import_arguments", "refuse_unused"]
 
@@ -33,7 +34,13 @@ def add_import_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("source", type=Path, nargs="?", metavar="SOURCE", help="a file or a folder")
     parser.add_argument(
-        "-o", "--output", type=Path, required=True, metavar="BLOCK", help="the new block's folder"
+        "-o",
+        "--output",
+        type=Path,
+        action=NewTarget,
+        required=True,
+        metavar="BLOCK",
+        help="the new block's folder",
     )
     parser.add_argument(
         "--sigma-px",
@@ -101,7 +108,13 @@ def add_export_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("kind", metavar="KIND", help=kinds)
     parser.add_argument("block", type=Path, metavar="BLOCK", help="the block's folder")
     parser.add_argument(
-        "-o", "--output", type=Path, required=True, metavar="TARGET", help="a new file or folder"
+        "-o",
+        "--output",
+        type=Path,
+        action=NewTarget,
+        required=True,
+        metavar="TARGET",
+        help="a new file or folder",
     )
     parser.add_argument("--unit", choices=("px", "mm", "um"), help="of image coordinates")
     parser.add_argument("--crs", metavar="CRS", help="coordinate system of what is written")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from anaplot.report.adjustarguments import add_adjust_arguments
 from anaplot.report.arguments import whole
-from anaplot.report.commandparser import Commands
+from anaplot.report.commandparser import Commands, NewTarget
 
 __all__ = ["add_page_arguments", "add_report_arguments", "add_report_command"]
 
@@ -18,6 +18,7 @@ def add_page_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--figures",
         type=Path,
+        action=NewTarget,
         metavar="FOLDER",
         help="write every figure of the page as an SVG file too",
     )
@@ -40,7 +41,13 @@ def add_page_arguments(parser: argparse.ArgumentParser) -> None:
 def add_report_arguments(parser: argparse.ArgumentParser) -> None:
     """Add what `report` takes."""
     parser.add_argument(
-        "-o", "--output", type=Path, required=True, metavar="FILE.html", help="the page"
+        "-o",
+        "--output",
+        type=Path,
+        action=NewTarget,
+        required=True,
+        metavar="FILE.html",
+        help="the page",
     )
     parser.add_argument(
         "--fiducials",

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from anaplot.report.arguments import add_output, positive, whole
+from anaplot.report.commandparser import NewTarget
 
 __all__ = [
     "add_demo_arguments",
@@ -100,14 +101,28 @@ def add_pointing_arguments(pointing: argparse.ArgumentParser) -> None:
 def add_pack_arguments(pack: argparse.ArgumentParser) -> None:
     """Add what `pack` takes."""
     pack.add_argument("block", type=Path, metavar="BLOCK", help="the block's folder")
-    pack.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="a new file")
+    pack.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        action=NewTarget,
+        required=True,
+        metavar="FILE",
+        help="a new file",
+    )
 
 
 def add_unpack_arguments(unpack: argparse.ArgumentParser) -> None:
     """Add what `unpack` takes."""
     unpack.add_argument("pack", type=Path, metavar="FILE", help="what pack has written")
     unpack.add_argument(
-        "-o", "--output", type=Path, required=True, metavar="FOLDER", help="a new folder"
+        "-o",
+        "--output",
+        type=Path,
+        action=NewTarget,
+        required=True,
+        metavar="FOLDER",
+        help="a new folder",
     )
 
 
