@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Set
 from functools import lru_cache
 from types import MappingProxyType
 from typing import NamedTuple
@@ -17,9 +17,45 @@ from anaplot.session.modelstate import ModelState
 from anaplot.session.remembering import remembered
 from anaplot.session.statedorientation import StatedPoint, stated_points
 
-__all__ = ["Elsewhere", "consecutive", "elsewhere", "ground"]
+__all__ = ["NOTHING_ELSEWHERE", "Elsewhere", "OtherStrips", "consecutive", "elsewhere", "ground"]
 
 _STRIPS = 128  # oriented ones that are remembered
+
+
+class OtherStrips(Mapping[str, StripGeometry]):
+    """Strips that are oriented, by name: a strip is computed when it is asked for.
+
+    In a large block most strips have no point in common with the one in work, and the errors of a
+    strip of 60 models take 60 MB.
+
+    Parameters
+    ----------
+    chains
+        Block and models of each strip, from its first one on; strips whose first model is not
+        determined are none.
+    """
+
+    def __init__(self, chains: Mapping[str, tuple[Block, tuple[ModelState, ...]]]) -> None:
+        self._chains = {
+            name: (block, models)
+            for name, (block, models) in chains.items()
+            if geometry_of(block, models[:1]) is not None
+        }
+
+    def __getitem__(self, strip: str) -> StripGeometry:
+        geometry = _oriented(*self._chains[strip])
+        assert geometry is not None  # its first model is determined
+        return geometry
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._chains)
+
+    def __len__(self) -> int:
+        return len(self._chains)
+
+    def may_have(self, strip: str, points: Set[str]) -> bool:
+        """Return whether a strip may have any of some points."""
+        return any(m.point in points for model in self._chains[strip][1] for m in model.used)
 
 
 class Elsewhere(NamedTuple):
@@ -28,35 +64,36 @@ class Elsewhere(NamedTuple):
     Attributes
     ----------
     strips
-        Those that are oriented, by name.
+        Those that are oriented, by name; each is computed when it is looked at.
     strip_of
         The strip that has a point, by point; one of them where several have it.
     stated
         Where points lie by the exterior orientations that are stated beforehand.
     """
 
-    strips: Mapping[str, StripGeometry]
+    strips: OtherStrips
     strip_of: Mapping[str, str]
     stated: Mapping[str, StatedPoint] = MappingProxyType({})
+
+
+NOTHING_ELSEWHERE = Elsewhere(OtherStrips({}), {})
 
 
 @remembered
 def elsewhere(block: Block, models: tuple[ModelState, ...], strip: str) -> Elsewhere:
     """Return what the models of all strips but one say: the same from one record to the next."""
-    strips = {}
+    chains: dict[str, tuple[Block, tuple[ModelState, ...]]] = {}
     strip_of: dict[str, str] = {}
     for other in block.strips:
         if other.id == strip:
             continue
         theirs = tuple(m for m in models if m.strip == other.id)
-        geometry = _oriented(block, consecutive(block, other.id, theirs))
-        if geometry is not None:
-            strips[other.id] = geometry
+        chains[other.id] = block, consecutive(block, other.id, theirs)
     for model in models:
         if model.strip != strip:
             strip_of |= {m.point: model.strip for m in model.used}
     stated = stated_points(block, (model for model in models if model.strip != strip))
-    return Elsewhere(strips, strip_of, stated)
+    return Elsewhere(OtherStrips(chains), strip_of, stated)
 
 
 @lru_cache(maxsize=_STRIPS)

@@ -21,7 +21,7 @@ from anaplot.orientation.stripgeometry import Located, Pose, StripGeometry, in_p
 from anaplot.orientation.striptie import Placed, StripTie, System
 from anaplot.photogrammetry.block import Block
 from anaplot.photogrammetry.collinearity import project
-from anaplot.session.elsewhere import Elsewhere, consecutive, elsewhere, ground
+from anaplot.session.elsewhere import NOTHING_ELSEWHERE, Elsewhere, consecutive, elsewhere, ground
 from anaplot.session.events import PlannedPoint, Role
 from anaplot.session.models import geometry_of
 from anaplot.session.modelstate import ModelState
@@ -186,7 +186,7 @@ def transfer_of_strip(
         again = _again(before, model)
         strayed: tuple[tuple[str, float, str], ...] = ()
         if again:
-            alone = _InWork(block, Elsewhere({}, {}), before, model, NOTHING_KNOWN, strip, again)
+            alone = _InWork(block, NOTHING_ELSEWHERE, before, model, NOTHING_KNOWN, strip, again)
             strayed = alone.strayed(model)
         of_last = checks if model is own[-1] else ()
         out.append(Transfer((), of_last, marks, work.places(checks, model), strayed))
@@ -251,7 +251,12 @@ class _InWork:
 
     def checks(self) -> tuple[TieCheck, ...]:
         """Return the strip against the others and against the ground."""
-        others: list[tuple[str, System]] = list(self._others.items())
+        near = frozenset(() if self._tied.near is None else self._tied.near.points)
+        others: list[tuple[str, System]] = [
+            # far away in the block nothing is common, wherever its points lie
+            (name, self._others[name] if self._others.may_have(name, near) else Placed({}, 0))
+            for name in self._others
+        ]
         if self._ground.points:
             others.append((GROUND, self._ground))
         checks = tuple(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from transferscene import flown, second_strip_begun
 
-from anaplot.session.elsewhere import elsewhere, ground
+from anaplot.session.elsewhere import _oriented, elsewhere, ground
 from anaplot.session.tiecheck import GROUND, Known
 from anaplot.session.transfer import Transfer, transfer
 
@@ -32,6 +32,31 @@ def test_what_is_elsewhere_stays_from_one_record_to_the_next(second_strip):
     assert elsewhere(state.block, more, "2").strips["1"] is known.strips["1"]
     control = made.block.control
     assert ground(state.block, control) is ground(state.block, control)
+
+
+def test_a_strip_without_a_common_point_is_compared_without_being_computed(second_strip):
+    _, state = second_strip
+    models = tuple(
+        replace(m, measured=tuple(replace(one, point=f"far-{one.point}") for one in m.measured))
+        for m in state.models
+    )
+    _oriented.cache_clear()
+    far = replace(state, models=models)
+    checks = transfer(far, Known()).checks
+    assert [(c.other, c.common, c.tie, c.problem) for c in checks] == [
+        ("1", 0, None, "0 common points, 2 are needed")
+    ]
+    assert _oriented.cache_info().misses == 0
+    # nor is there one that is not oriented at all, whatever its later models are
+    first, *others = models
+    none = (replace(first, measured=first.measured[:3]), *others)
+    assert transfer(replace(state, models=none), Known()).checks == ()
+    # a single common point, and it is computed
+    point = state.current.measured[0].point
+    named = replace(first, measured=(replace(first.measured[0], point=point), *first.measured[1:]))
+    (one,) = transfer(replace(state, models=(named, *others)), Known()).checks
+    assert (one.common, one.problem) == (1, "1 common points, 2 are needed")
+    assert _oriented.cache_info().misses == 1
 
 
 def by_way_of_the_neighbour(made, state, moved_m: float) -> Transfer:
