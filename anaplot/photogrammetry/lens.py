@@ -23,10 +23,19 @@ import numpy as np
 from anaplot.aliases import Array
 from anaplot.photogrammetry.planar import as_points, solve_pairs
 
-__all__ = ["LENS_PARAMETERS", "LensImage", "lens_fold", "through_lens", "without_lens"]
+__all__ = [
+    "LENS_PARAMETERS",
+    "LensImage",
+    "lens_fold",
+    "lens_places",
+    "through_lens",
+    "without_lens",
+]
 
 _HALVINGS = 20  # of the interval in which a radius lies; Newton's steps do the rest
 _STEPS = 20
+_SETTLED = 1e-15  # of a step, relative to 1 + |direction|: what is left is rounding
+_AT_A_TIME = 8192  # rays: their arrays stay in the processor's cache
 _FAR = 1e4  # times c: beyond it no lens images anything
 _CLOSED = 1e-12  # between a place and that of its direction, relative to c
 
@@ -53,8 +62,76 @@ class LensImage(NamedTuple):
     by_parameter: Array
 
 
+class _Bent(NamedTuple):
+    """What a lens makes of directions, and what its derivatives are made of; arrays of (n,)."""
+
+    x: Array
+    y: Array
+    r2: Array
+    radial: Array
+    xy2: Array
+    rx: Array
+    ry: Array
+    dx: Array
+    u: Array
+    v: Array  # d_y, too
+
+
+def _bent(direction: Array, parameters: Array) -> _Bent:
+    x, y = direction.T
+    _, _, _, k1, k2, k3, p1, p2, b1, b2 = parameters
+    r2 = x * x + y * y
+    radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    xy2 = 2.0 * x * y
+    rx, ry = r2 + 2.0 * x * x, r2 + 2.0 * y * y
+    dx = x * radial - p1 * xy2 + p2 * rx
+    dy = y * radial - p1 * ry + p2 * xy2
+    return _Bent(x, y, r2, radial, xy2, rx, ry, dx, dx + b1 * dx + b2 * dy, dy)
+
+
+def _places(bent: _Bent, parameters: Array) -> Array:
+    c, x0, y0, *_ = parameters
+    return np.stack((x0 + c * bent.u, y0 + c * bent.v), axis=1)
+
+
+def _by_direction(bent: _Bent, parameters: Array) -> Array:
+    c, _, _, k1, k2, k3, p1, p2, b1, b2 = parameters
+    x, y, r2, radial = bent.x, bent.y, bent.r2, bent.radial
+    slope = 2.0 * (k1 + r2 * (2.0 * k2 + r2 * 3.0 * k3))  # d radial / d x = slope x
+    across = slope * x * y - 2.0 * p1 * x + 2.0 * p2 * y
+    x_by_x = radial + slope * x * x - 2.0 * p1 * y + 6.0 * p2 * x
+    y_by_y = radial + slope * y * y - 6.0 * p1 * y + 2.0 * p2 * x
+    out = np.empty((len(x), 2, 2))
+    out[:, 0, 0] = c * ((1.0 + b1) * x_by_x + b2 * across)
+    out[:, 0, 1] = c * ((1.0 + b1) * across + b2 * y_by_y)
+    out[:, 1, 0] = c * across
+    out[:, 1, 1] = c * y_by_y
+    return out
+
+
+def _by_parameter(bent: _Bent, parameters: Array) -> Array:
+    c, _, _, _, _, _, _, _, b1, b2 = parameters
+    x, y, r2, xy2, rx, ry, dx, dy = *bent[:3], *bent[4:8], bent.v
+    out = np.zeros((len(x), 2, 10))
+    out[:, :, 0] = np.stack((bent.u, bent.v), axis=1)
+    out[:, 0, 1] = out[:, 1, 2] = 1.0
+    skewed = (1.0 + b1) * x + b2 * y
+    for k in range(3):
+        power = c * r2 ** (k + 1)
+        out[:, 0, 3 + k], out[:, 1, 3 + k] = power * skewed, power * y
+    out[:, 0, 6], out[:, 1, 6] = -c * ((1.0 + b1) * xy2 + b2 * ry), -c * ry
+    out[:, 0, 7], out[:, 1, 7] = c * ((1.0 + b1) * rx + b2 * xy2), c * xy2
+    out[:, 0, 8], out[:, 0, 9] = c * dx, c * dy
+    return out
+
+
+def _columns(parameters: Array) -> Array:
+    """Return (10,) numbers, or (10, n), of `LENS_PARAMETERS`."""
+    return np.asarray(parameters, dtype=np.float64).T
+
+
 def through_lens(direction: Array, parameters: Array) -> LensImage:
-    """Return where rays are measured through a lens.
+    """Return where rays are measured through a lens, with the derivatives.
 
     Parameters
     ----------
@@ -64,37 +141,15 @@ def through_lens(direction: Array, parameters: Array) -> LensImage:
         (10,) or (n, 10) `LENS_PARAMETERS`. A longer c stretches the image; x0, y0 shift it; k1,
         k2, k3 > 0 push measured points outwards.
     """
-    n = len(direction)
-    x, y = direction.T
-    c, x0, y0, k1, k2, k3, p1, p2, b1, b2 = np.broadcast_to(parameters, (n, 10)).T
-    r2 = x * x + y * y
-    radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
-    slope = 2.0 * (k1 + r2 * (2.0 * k2 + r2 * 3.0 * k3))  # d radial / d x = slope x
-    xy2 = 2.0 * x * y
-    rx, ry = r2 + 2.0 * x * x, r2 + 2.0 * y * y
-    dx = x * radial - p1 * xy2 + p2 * rx
-    dy = y * radial - p1 * ry + p2 * xy2
-    u, v = dx + b1 * dx + b2 * dy, dy
-    by_direction = np.empty((n, 2, 2))
-    across = slope * x * y - 2.0 * p1 * x + 2.0 * p2 * y
-    x_by_x = radial + slope * x * x - 2.0 * p1 * y + 6.0 * p2 * x
-    y_by_y = radial + slope * y * y - 6.0 * p1 * y + 2.0 * p2 * x
-    by_direction[:, 0, 0] = c * ((1.0 + b1) * x_by_x + b2 * across)
-    by_direction[:, 0, 1] = c * ((1.0 + b1) * across + b2 * y_by_y)
-    by_direction[:, 1, 0] = c * across
-    by_direction[:, 1, 1] = c * y_by_y
-    by_parameter = np.zeros((n, 2, 10))
-    by_parameter[:, :, 0] = np.stack((u, v), axis=1)
-    by_parameter[:, 0, 1] = by_parameter[:, 1, 2] = 1.0
-    skewed = (1.0 + b1) * x + b2 * y
-    for k in range(3):
-        power = c * r2 ** (k + 1)
-        by_parameter[:, 0, 3 + k], by_parameter[:, 1, 3 + k] = power * skewed, power * y
-    by_parameter[:, 0, 6], by_parameter[:, 1, 6] = -c * ((1.0 + b1) * xy2 + b2 * ry), -c * ry
-    by_parameter[:, 0, 7], by_parameter[:, 1, 7] = c * ((1.0 + b1) * rx + b2 * xy2), c * xy2
-    by_parameter[:, 0, 8], by_parameter[:, 0, 9] = c * dx, c * dy
-    xy = np.stack((x0 + c * u, y0 + c * v), axis=1)
-    return LensImage(xy, by_direction, by_parameter)
+    lens = _columns(parameters)
+    bent = _bent(direction, lens)
+    return LensImage(_places(bent, lens), _by_direction(bent, lens), _by_parameter(bent, lens))
+
+
+def lens_places(direction: Array, parameters: Array) -> Array:
+    """Return (n, 2) coordinates [mm] at which rays are measured, as `through_lens`, alone."""
+    lens = _columns(parameters)
+    return _places(_bent(direction, lens), lens)
 
 
 def without_lens(xy: Array, parameters: Array) -> Array:
@@ -111,17 +166,23 @@ def without_lens(xy: Array, parameters: Array) -> Array:
     -------
     ndarray
         (n, 2) ideal coordinates divided by c, y up; NaN where no direction within the lens's
-        first fold, beyond which it sees everything twice, is measured there.
+        first fold, beyond which it sees everything twice, is measured there. What is found of a
+        ray does not hang on those beside it.
     """
+    measured = as_points(xy)
+    out = np.empty(measured.shape)
     with np.errstate(all="ignore"):  # what parameters out of a damaged file do is NaN
-        return _without_lens(as_points(xy), parameters)
+        for begin in range(0, len(out), _AT_A_TIME):
+            some = slice(begin, begin + _AT_A_TIME)
+            out[some] = _without_lens(measured[some], _columns(parameters))
+    return out
 
 
-def _without_lens(measured: Array, parameters: Array) -> Array:
-    c, x0, y0, k1, k2, k3, _, _, b1, b2 = parameters
+def _without_lens(measured: Array, lens: Array) -> Array:
+    c, x0, y0, k1, k2, k3, _, _, b1, b2 = lens
     dy = (measured[:, 1] - y0) / c
     bent = np.column_stack((((measured[:, 0] - x0) / c - b2 * dy) / (1.0 + b1), dy))
-    if not np.any(parameters[3:8]):
+    if not np.any(lens[3:8]):
         return bent
     fold = lens_fold(k1, k2, k3)
     radius = np.hypot(*bent.T)
@@ -140,16 +201,20 @@ def _without_lens(measured: Array, parameters: Array) -> Array:
         low, high = np.where(short, middle, low), np.where(short, high, middle)
     scale = np.divide(0.5 * (low + high), radius, out=np.ones_like(radius), where=radius > 0.0)
     direction = bent * scale[:, None]
+    moving = np.arange(len(direction))
     for _ in range(_STEPS):
-        seen = through_lens(direction, parameters)
-        step = solve_pairs(seen.by_direction, seen.xy - measured)
-        direction = direction - step
-        if not (np.abs(step) > 1e-16 * (1.0 + np.abs(direction))).any():
+        now = direction[moving]
+        seen = _bent(now, lens)
+        step = solve_pairs(_by_direction(seen, lens), _places(seen, lens) - measured[moving])
+        direction[moving] = now - step
+        far = (np.abs(step) > _SETTLED * (1.0 + np.abs(now))).any(axis=1)
+        moving = moving[far]
+        if not moving.size:
             break
-    seen = through_lens(direction, parameters)
-    gap = np.abs(seen.xy - measured).max(axis=1, initial=0.0)
+    seen = _bent(direction, lens)
+    gap = np.abs(_places(seen, lens) - measured).max(axis=1, initial=0.0)
     reach = np.abs(measured).max(axis=1, initial=0.0) + abs(c)
-    upright = np.linalg.det(seen.by_direction) * (1.0 + b1) > 0.0
+    upright = np.linalg.det(_by_direction(seen, lens)) * (1.0 + b1) > 0.0
     good = (gap <= _CLOSED * reach) & upright & (np.hypot(*direction.T) <= 1.001 * fold)
     return np.where(good[:, None], direction, np.nan)
 

@@ -14,7 +14,7 @@ import numpy as np
 from anaplot.aliases import Array
 from anaplot.photogrammetry.block import Block, Camera, ImagePoint
 from anaplot.photogrammetry.camera import CameraCalibration
-from anaplot.photogrammetry.lens import through_lens, without_lens
+from anaplot.photogrammetry.lens import lens_places, without_lens
 from anaplot.photogrammetry.planar import as_points
 
 __all__ = [
@@ -81,7 +81,7 @@ def measured_rays(camera: Camera, ideal: Pairs) -> Array:
     places = as_points(np.asarray(ideal))
     if not has_lens(camera):
         return places
-    return through_lens(places / camera.c, np.array(camera.lens_parameters)).xy
+    return lens_places(places / camera.c, np.array(camera.lens_parameters))
 
 
 def measured_places(block: Block, image_points: Sequence[ImagePoint], *, pixels: bool) -> Array:

@@ -26,7 +26,7 @@ from anaplot.photogrammetry.camera import (
     RadialTable,
     pixel_size,
 )
-from anaplot.photogrammetry.lens import through_lens, without_lens
+from anaplot.photogrammetry.lens import lens_places, through_lens, without_lens
 from anaplot.photogrammetry.planar import as_points, solve_pairs
 
 __all__ = ["Refinement"]
@@ -149,7 +149,7 @@ class Refinement:
     def _through_camera(self, xy: Array) -> Array:
         if self.lens is not None:
             ideal = xy
-            seen = through_lens(ideal / self.lens[0], np.array(self.lens)).xy
+            seen = lens_places(ideal / self.lens[0], np.array(self.lens))
             laid: Array = seen + np.array(self.principal_point)
             if not np.allclose(self._without_camera(laid), ideal, rtol=0.0, atol=1e-9):
                 raise NotComputableError("the lens folds the image at an ideal place")

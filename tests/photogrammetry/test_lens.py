@@ -7,7 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from anaplot.photogrammetry.lens import LENS_PARAMETERS, lens_fold, through_lens, without_lens
+from anaplot.photogrammetry.lens import (
+    LENS_PARAMETERS,
+    lens_fold,
+    lens_places,
+    through_lens,
+    without_lens,
+)
 
 PARAMETERS = np.array([52.0, 0.3, -0.2, -0.05, 0.02, -0.004, 1.5e-3, -8e-4, 2e-3, -1e-3])
 
@@ -92,6 +98,26 @@ def test_the_lens_is_taken_off_exactly(lens: np.ndarray) -> None:
     direction = np.vstack((directions(500), [[0.0, 0.0], [1e-9, 0.0]]))
     back = without_lens(through_lens(direction, lens).xy, lens)
     np.testing.assert_allclose(back, direction, atol=1e-13)
+
+
+def test_places_alone_are_those_that_come_with_derivatives() -> None:
+    of_each = PARAMETERS * np.linspace(0.9, 1.1, 40)[:, None]
+    for lens in (PARAMETERS, of_each):
+        seen = lens_places(directions(), lens)
+        np.testing.assert_array_equal(seen, through_lens(directions(), lens).xy)
+
+
+def test_what_is_found_of_a_ray_does_not_hang_on_others() -> None:
+    # far more than are taken at a time, some of them beyond the fold
+    lens = np.array([24.0, 0.0, 0.0, -0.35, 0.15, -0.03, 1e-3, 2e-3, 1e-3, 0.0])
+    measured = np.random.default_rng(2).uniform(-40.0, 40.0, (20_000, 2))
+    together = without_lens(measured, lens)
+    assert np.isnan(together).any()
+    for k in (0, 8191, 8192, 19_999):
+        np.testing.assert_array_equal(without_lens(measured[k : k + 1], lens)[0], together[k])
+    back = lens_places(together, lens)
+    seen = np.isfinite(together[:, 0])
+    np.testing.assert_allclose(back[seen], measured[seen], rtol=0.0, atol=1e-12)
 
 
 def test_beyond_the_fold_nothing_is_seen() -> None:

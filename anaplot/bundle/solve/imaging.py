@@ -10,7 +10,7 @@ import numpy as np
 from anaplot.aliases import Array, Index
 from anaplot.bundle.solve.problem import Problem
 from anaplot.photogrammetry.collinearity import Projection, project, project_with_derivatives
-from anaplot.photogrammetry.lens import LENS_PARAMETERS, lens_fold, through_lens
+from anaplot.photogrammetry.lens import LENS_PARAMETERS, lens_fold, lens_places, through_lens
 
 __all__ = [
     "BlockState",
@@ -125,7 +125,7 @@ def imaged(problem: Problem, state: BlockState) -> Projection:
         return Projection(_shifted(problem, state, seen.xy, slice(None)), seen.depth)
     seen = project(*where, np.ones(len(photo)), points)
     with np.errstate(invalid="ignore", over="ignore"):
-        xy = through_lens(seen.xy, _lens(problem, state, slice(None))).xy
+        xy = lens_places(seen.xy, _lens(problem, state, slice(None)))
     if problem.lens_units is None:
         xy = _shifted(problem, state, xy, slice(None))
     return Projection(xy, seen.depth)
@@ -157,7 +157,7 @@ def seen_places(
         return project(centres, rotations, np.broadcast_to(problem.c[photos], n), places)
     seen = project(centres, rotations, np.ones(n), places)
     with np.errstate(invalid="ignore", over="ignore"):
-        xy = through_lens(seen.xy, lens[photos]).xy
+        xy = lens_places(seen.xy, lens[photos])
     return Projection(_within_fold(seen.xy, lens[photos], xy), seen.depth)
 
 
