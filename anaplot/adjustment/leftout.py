@@ -8,7 +8,13 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from anaplot.adjustment.elimination import Elimination
-from anaplot.adjustment.residualsystem import Designed, ResidualSystem, diagonal
+from anaplot.adjustment.residualsystem import (
+    Designed,
+    ResidualSystem,
+    Reweightable,
+    WeightedAdjustments,
+    diagonal,
+)
 from anaplot.aliases import Array, Index
 
 __all__ = ["ReducedSystem", "remaining", "spread"]
@@ -82,6 +88,20 @@ class ReducedSystem:
         there = np.ones(len(self._names))
         there[list(self._state.rows)] = 0.0
         return csr_array(diagonal(there) @ every)
+
+    def reweighting(self) -> WeightedAdjustments | None:
+        """Return the adjustments with other weights; None: not known. See `Reweightable`."""
+        system, out = self._state.system, list(self._state.rows)
+        adjusted = system.reweighting() if isinstance(system, Reweightable) else None
+        if adjusted is None:
+            return None
+
+        def without(weights: Array) -> Array:
+            there = weights.copy()
+            there[out] = 0.0
+            return adjusted(there)
+
+        return without
 
 
 def remaining(n: int, left_out: Collection[int]) -> Index:

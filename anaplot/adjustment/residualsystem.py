@@ -12,7 +12,7 @@ it is not idempotent, and v'Pv no longer e'e.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
@@ -21,7 +21,15 @@ from anaplot.aliases import Array, Index
 if TYPE_CHECKING:
     from scipy.sparse import csr_array, dia_array
 
-__all__ = ["DenseResiduals", "Designed", "MeasuredSystem", "ResidualSystem", "diagonal"]
+__all__ = [
+    "DenseResiduals",
+    "Designed",
+    "MeasuredSystem",
+    "ResidualSystem",
+    "Reweightable",
+    "WeightedAdjustments",
+    "diagonal",
+]
 
 
 class ResidualSystem(Protocol):
@@ -83,6 +91,20 @@ class Designed(Protocol):
 
         Its columns span all that R takes away, and may depend on each other.
         """
+        ...
+
+
+WeightedAdjustments = Callable[[Array], Array]
+"""Of (n,) factors of the weights, from 0 to 1, the (n,) misclosures that an adjustment with them
+leaves, in a-priori sigmas of the full weights; zero where the weight is."""
+
+
+@runtime_checkable
+class Reweightable(Protocol):
+    """A residual system that may be adjusted with other weights, without its columns."""
+
+    def reweighting(self) -> WeightedAdjustments | None:
+        """Return what adjusts it with one set of weights after another; None: not known."""
         ...
 
 

@@ -1,19 +1,23 @@
-"""Robust adjustment by re-weighting, from the columns of R alone.
+"""Robust adjustment by re-weighting.
 
-A row of weight p < 1 is a row with an additional error of variance g = 1/p - 1. With V the rows of
-reduced weight the estimate of that error is z = (R_VV + diag(1/g))^-1 e_V, and the misclosures of
-the weighted adjustment are e - R[:, V] z, plus z in V: what a new adjustment with these weights
-would give (Woodbury), for the price of the columns of V.
+A system that can be adjusted with other weights (`Reweightable`: a block, by its own normal
+equations) is. Of any other the columns of R say as much: a row of weight p < 1 is a row with an
+additional error of variance g = 1/p - 1. With V the rows of reduced weight the estimate of that
+error is z = (R_VV + diag(1/g))^-1 e_V, and the misclosures of the weighted adjustment are
+e - R[:, V] z, plus z in V: what a new adjustment with these weights would give (Woodbury), for the
+price of the columns of V.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import log
 from typing import Literal
 
 import numpy as np
 
-from anaplot.adjustment.residualsystem import ResidualSystem
+from anaplot.adjustment.residualsystem import ResidualSystem, Reweightable, WeightedAdjustments
+from anaplot.adjustment.watch import Watch
 from anaplot.aliases import Array, Bools
 
 __all__ = [
@@ -22,6 +26,7 @@ __all__ = [
     "SETTLED",
     "Reweighting",
     "reweight",
+    "weighted_adjustments",
     "weighted_misclosures",
 ]
 
@@ -66,15 +71,23 @@ class Reweighting:
     converged: bool
 
 
+def weighted_adjustments(system: ResidualSystem) -> WeightedAdjustments:
+    """Return what adjusts a system with weights multiplied by factors from 0 to 1."""
+    own = system.reweighting() if isinstance(system, Reweightable) else None
+    return (lambda weights: weighted_misclosures(system, weights)) if own is None else own
+
+
 def weighted_misclosures(system: ResidualSystem, weights: Array) -> Array:
-    """Return (n,) misclosures of the adjustment with weights multiplied by factors in (0, 1].
+    """Return (n,) misclosures of the adjustment with weights multiplied by factors.
+
+    From the columns of R of the reduced weights.
 
     Parameters
     ----------
     system
         All rows.
     weights
-        (n,) factors.
+        (n,) factors from 0 to 1; below 1e-12 that is meant.
     """
     e = np.asarray(system.e, dtype=float)
     low = np.flatnonzero(weights < 1.0)
@@ -92,7 +105,10 @@ def weighted_misclosures(system: ResidualSystem, weights: Array) -> Array:
 
 
 def reweight(
-    system: ResidualSystem, method: Literal["huber", "danish"], suspects: Bools
+    system: ResidualSystem,
+    method: Literal["huber", "danish"],
+    suspects: Bools,
+    watch: Watch | None = None,
 ) -> Reweighting:
     """Iterate weights and adjustment until the weights stand still.
 
@@ -105,8 +121,12 @@ def reweight(
         the first three iterations, exp(-0.05 abs(v)^3) after them.
     suspects
         (n,) rows whose weights may fall.
+    watch
+        Told how far it is; where it asks for the end, the last weights are returned.
     """
-    v = weighted_misclosures(system, np.ones(len(suspects)))
+    seen = Watch() if watch is None else watch
+    adjusted = weighted_adjustments(system)
+    v = np.array(system.e, dtype=float)
     weights = np.ones(len(v))
     changes: list[float] = []
     sums = [float(v @ v)]
@@ -121,9 +141,13 @@ def reweight(
             new = np.where(size > DANISH_LIMIT, fallen, 1.0)
         new = np.where(suspects, np.maximum(new, _SMALLEST_WEIGHT), 1.0)
         changes.append(float(np.abs(new - weights).max(initial=0.0)))
+        settled = -log(min(max(changes[-1], SETTLED), 1.0)) / -log(SETTLED)
+        seen("re-weighting", max(settled, iteration / _MOST_ITERATIONS))
         weights = new
-        v = weighted_misclosures(system, weights)
+        v = adjusted(weights)
         sums.append(float((weights * v) @ v))
         if changes[-1] < SETTLED and iteration >= 3:
             return Reweighting(weights, v, tuple(changes), tuple(sums), True)
+        if seen.stopped:
+            break
     return Reweighting(weights, v, tuple(changes), tuple(sums), False)

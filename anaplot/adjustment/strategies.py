@@ -406,7 +406,8 @@ def _go_on(task: _Task, size: Array) -> tuple[Elimination, list[SearchStep]]:
 
 
 def _robust(task: _Task, method: Literal["huber", "danish"]) -> _End:
-    state, robust = Elimination(task.system), reweight(task.system, method, task.suspects)
+    state = Elimination(task.system)
+    robust = reweight(task.system, method, task.suspects, task.watch)
     rows = tuple(np.flatnonzero(robust.weights < 1.0).tolist())
     steps = [
         SearchStep("reweight", rows, change, SETTLED, robust.sums[k], robust.sums[k + 1])
@@ -424,7 +425,9 @@ def _reject_beyond(task: _Task, state: Elimination, size: Array) -> list[SearchS
     proposals = Proposals(state.system.names)
     critical, suspects = task.critical, task.suspects
     size = np.where(suspects, size, 0.0)
-    for first in np.argsort(-size, kind="stable").tolist():
+    order = np.argsort(-size, kind="stable")
+    state.system.columns(order[size[order] > critical][: task.most])  # all of them at once
+    for first in order.tolist():
         if size[first] <= critical or len(state.rows) >= task.most:
             break
         if not state.testable(first):

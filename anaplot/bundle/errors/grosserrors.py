@@ -177,7 +177,7 @@ def block_gross_errors(
     Raises
     ------
     InputError
-        Odds over pairs, re-weighting or odds of too many observations.
+        Odds over pairs, or odds, of too many observations.
     ScaleError
         The a-priori sigma cannot be right, and the strategy tests by it.
     NotComputableError
@@ -206,7 +206,7 @@ def block_gross_errors(
     n = every.observations
     for asked, what, most in (
         (used.pairs, "odds over pairs", MOST_ROWS_OF_PAIRS),
-        (strategy in ("huber", "danish", "odds"), strategy, MOST_ROWS_OF_COLUMNS),
+        (strategy == "odds", strategy, MOST_ROWS_OF_COLUMNS),
     ):
         if asked and n > most:
             raise InputError(

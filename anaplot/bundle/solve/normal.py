@@ -50,6 +50,8 @@ class NormalEquations:
 
     Attributes
     ----------
+    anchor
+        As it was given.
     inverse_root
         (points, 3, 3) L^-1 of every point.
     z
@@ -73,6 +75,7 @@ class NormalEquations:
         self.problem = problem
         self.structure = structure
         self.linear = linear
+        self.anchor = anchor
         self._update: ConditionUpdate | None = None
         self._given: GivenUpdate | None = None
         self._offsets: OffsetUpdate | None = None

@@ -18,20 +18,26 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from anaplot.adjustment.residualsystem import WeightedAdjustments
 from anaplot.aliases import Array, Index
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.datum import anchor
 from anaplot.bundle.solve.factor import Factor
 from anaplot.bundle.solve.imaging import BlockState
-from anaplot.bundle.solve.linearised import linearise
+from anaplot.bundle.solve.linearised import Linearised, linearise
 from anaplot.bundle.solve.normal import NormalEquations
 from anaplot.bundle.solve.observations import ObservationName, Observations, observations_of
 from anaplot.bundle.solve.offsetequations import OffsetEquations
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.reliability import Cofactors, compute_cofactors
+from anaplot.bundle.solve.reweighted import ReweightedBlock
 from anaplot.bundle.solve.structure import Structure
 
-__all__ = ["BlockResiduals", "block_residuals", "residuals_of"]
+__all__ = [
+    "BlockResiduals",
+    "block_residuals",
+    "residuals_of",
+]
 
 
 _PORTION = 60_000_000  # bytes of the largest array while columns are solved for
@@ -198,6 +204,48 @@ class BlockResiduals:
         parts = [np.broadcast_arrays(*part) for part in at]
         rows, columns, values = (np.concatenate([p[k].ravel() for p in parts]) for k in range(3))
         return csr_array((values, (rows, columns)), shape=(len(self.names), wide))
+
+    def reweighting(self) -> WeightedAdjustments:
+        """Return the adjustments with other weights; see `Reweightable`."""
+        return ReweightedBlock(self).misclosures
+
+    def adjusted(self, normal: NormalEquations) -> BlockResiduals:
+        """Return the rows with other equations and what one adjustment by these leaves of them.
+
+        At a minimum nothing changes. Redundancy numbers stay what they are.
+
+        Raises
+        ------
+        NotPositiveError
+            Not all unknowns are determined.
+        """
+        own = normal is self.cofactors.normal
+        factor = self.cofactors.factor if own else normal.factor()
+        there = replace(
+            self, cofactors=replace(self.cofactors, normal=normal, factor=factor), _known={}
+        )
+        linear = normal.linear
+        photos, points, shared = normal.step(factor)
+        moved = _designed(there, photos[:, :, None], points[:, :, None], shared[:, None])
+        left = -(self.gathered(linear, normal.conditions_left(factor)) + moved[:, 0])
+        vtpv = float(left @ left)
+        if linear.given is not None:
+            of_given = linear.given.effect(photos, points).misclosure + linear.given.misclosure
+            of_prior = linear.given.prior.root @ of_given
+            vtpv += float(of_prior @ of_prior)
+        return replace(there, e=left, vtpv=vtpv)
+
+    def gathered(self, misclosures: Linearised, conditions: Array | None = None) -> Array:
+        """Return (n,) misclosures of the rows, those of the conditions apart; None: zeros."""
+        own = self.problem.photo_invariant
+        return self.rows.gather(
+            misclosures.e,
+            misclosures.point_e,
+            misclosures.photo_e,
+            misclosures.own_e if own else misclosures.shared_e,
+            np.zeros(self.rows.conditions) if conditions is None else conditions,
+            None if misclosures.offsets is None else misclosures.offsets.e,
+        )
 
     @property
     def _condition_rejected(self) -> NDArray[Any]:
@@ -379,22 +427,4 @@ def block_residuals(
         cofactors.r_conditions,
         None if cofactors.offsets is None else cofactors.offsets.r,
     )
-    # what one linear adjustment from here leaves; at a minimum nothing changes
-    photos, points, shared = normal.step(factor)
-    e = rows.gather(
-        linear.e,
-        linear.point_e,
-        linear.photo_e,
-        linear.own_e if own else linear.shared_e,
-        normal.conditions_left(factor),
-        None if linear.offsets is None else linear.offsets.e,
-    )
-    there = BlockResiduals(cofactors, rows, e, r, 0.0, problem.redundancy)
-    moved = _designed(there, photos[:, :, None], points[:, :, None], shared[:, None])
-    left = -(e + moved[:, 0])
-    vtpv = float(left @ left)
-    if linear.given is not None:
-        there_given = linear.given.effect(photos, points).misclosure + linear.given.misclosure
-        of_prior = linear.given.prior.root @ there_given
-        vtpv += float(of_prior @ of_prior)
-    return replace(there, e=left, vtpv=vtpv)
+    return BlockResiduals(cofactors, rows, np.zeros(0), r, 0.0, problem.redundancy).adjusted(normal)
