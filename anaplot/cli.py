@@ -509,8 +509,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         complain("this needs more memory than there is")
         drop_output()
         return NotComputableError.exit_code
-    except KeyboardInterrupt:
-        complain("interrupted")
+    except KeyboardInterrupt as interrupt:
+        complain(str(interrupt) or "interrupted")
         drop_output()
         return 130
     except BrokenPipeError:

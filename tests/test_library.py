@@ -119,9 +119,10 @@ def test_nothing_is_loaded_before_it_is_used() -> None:
 # --- keywords -------------------------------------------------------------------------------
 
 SHOWN = {"json", "all", "csv", "tables", "report", "figures", "angles", "fail_on_flag", "list"}
+RUN = {"time_limit"}  # a library call is ended by its `progress`
 COMMANDS: dict[str, tuple[Callable[..., Any], Callable[[ArgumentParser], None], set[str]]] = {
     "bridge": (anaplot.bridge, add_bridge_arguments, SHOWN),
-    "adjust": (anaplot.adjust, add_adjust_arguments, SHOWN),
+    "adjust": (anaplot.adjust, add_adjust_arguments, SHOWN | RUN),
     "compare": (anaplot.compare, add_compare_arguments, SHOWN),
     "plan pattern": (anaplot.plan.pattern, add_pattern_arguments, SHOWN),
     "plan additional": (anaplot.plan.additional, add_additional_arguments, SHOWN),

@@ -9,6 +9,7 @@ from anaplot.report.arguments import (
     add_matrix,
     add_output,
     add_report_page,
+    between,
     correlation,
     length,
     none_or_percentage,
@@ -87,6 +88,13 @@ def add_adjust_arguments(adjust: argparse.ArgumentParser) -> None:
         action="store_true",
         help="exit with 1 when an observation is flagged; of n good ones alpha n are, alpha of "
         "[test]",
+    )
+    adjust.add_argument(
+        "--time-limit",
+        type=between(0.1, 1e6),
+        metavar="SECONDS",
+        help="end then: a search for gross errors with the best that it has found, anything else "
+        "with 4 and how far it came",
     )
     adjust.add_argument(
         "--datum",

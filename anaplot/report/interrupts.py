@@ -1,18 +1,80 @@
-"""An interrupt that ends a search with the best it has; the next one leaves at once."""
+"""An interrupt that ends a search with the best it has; the next one leaves at once.
+
+The end of a time limit is an interrupt like a person's: Python knows no other way out of any work.
+"""
 
 from __future__ import annotations
 
+import _thread
 import signal
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
-from typing import TextIO
+from typing import Any, TextIO
 
 from anaplot.adjustment.watch import Watch
 from anaplot.aliases import Progress
 
-__all__ = ["EndingEarly"]
+__all__ = ["EndingEarly", "TimeLimit"]
+
+_MORE = 0.5  # of a limit, for what follows a search that has been ended by it
+
+
+class TimeLimit:
+    """Interrupts the main thread when a time is over, and once more half as much later.
+
+    Parameters
+    ----------
+    seconds
+        How long the work may take; None: as long as it takes.
+
+    Attributes
+    ----------
+    seconds
+        The same.
+    over
+        Whether an interrupt came from here.
+    """
+
+    def __init__(self, seconds: float | None) -> None:
+        self.seconds = seconds
+        self.over = False
+        self._done = threading.Event()
+        self._lock = threading.Lock()
+        self._waiting: threading.Thread | None = None
+        self._before: Any = None
+
+    def _wait(self, seconds: float) -> None:
+        for span in (seconds, _MORE * seconds):
+            if self._done.wait(span):
+                return
+            with self._lock:
+                if self._done.is_set():
+                    return
+                self.over = True
+                _thread.interrupt_main()
+
+    def __enter__(self) -> TimeLimit:
+        if self.seconds is not None and threading.current_thread() is threading.main_thread():
+            self._waiting = threading.Thread(
+                target=self._wait, args=(self.seconds,), name="time limit", daemon=True
+            )
+            self._before = signal.getsignal(signal.SIGINT)
+            try:
+                self._waiting.start()
+            except KeyboardInterrupt:
+                self._done.set()
+                raise
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        with self._lock:
+            self._done.set()
+        if self._waiting is not None:
+            self._waiting.join()
+            # an interrupt that has come is raised before a handler changes: here, and not later
+            signal.signal(signal.SIGINT, self._before)
 
 
 class EndingEarly(Watch):
@@ -24,11 +86,14 @@ class EndingEarly(Watch):
         As `Watch` has it.
     err
         Where a person is told.
+    limit
+        The time that it has.
     """
 
-    def __init__(self, progress: Progress, err: TextIO) -> None:
+    def __init__(self, progress: Progress, err: TextIO, limit: TimeLimit | None = None) -> None:
         super().__init__(progress)
         self._err = err
+        self._limit = TimeLimit(None) if limit is None else limit
 
     @contextmanager
     def searching(self) -> Iterator[Watch]:
@@ -41,10 +106,11 @@ class EndingEarly(Watch):
         def stop(number: int, frame: FrameType | None) -> None:
             signal.signal(signal.SIGINT, before)
             self.stop()
-            self._err.write(
-                "\nanaplot: the search ends with the best that it has found; again to leave at "
-                "once\n"
-            )
+            ends = "the search ends with the best that it has found"
+            if self._limit.over:
+                self._err.write(f"\nanaplot: {self._limit.seconds:g} s are over: {ends}\n")
+            else:
+                self._err.write(f"\nanaplot: {ends}; again to leave at once\n")
             self._err.flush()
 
         signal.signal(signal.SIGINT, stop)

@@ -41,7 +41,8 @@ class ProgressLine:
         self._watched = stream.isatty()
         self._next = time.monotonic() + _FIRST
         self._shown = 0
-        self._what, self._since = "", time.monotonic()
+        self._begun = time.monotonic()
+        self._what, self._since = "", self._begun
         self._fraction, self._said = 0.0, self._since
         self._lock = threading.Lock()
         self._over = threading.Event()
@@ -56,6 +57,14 @@ class ProgressLine:
             self._fraction, self._said = min(fraction, 1.0), now
             if self._watched and now >= self._next:
                 self._draw(now)
+
+    @property
+    def reached(self) -> str:
+        """What was being done last, how much of that, and after which time: for a person."""
+        with self._lock:
+            done = f" {100.0 * self._fraction:.0f} %" if self._fraction > 0.0 else ""
+            what = plain(self._what, 200) + done + (", " if self._what else "")
+        return f"{what}after {_span(time.monotonic() - self._begun)}"
 
     def _draw(self, now: float) -> None:
         self._next = now + _EVERY

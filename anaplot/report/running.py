@@ -9,10 +9,11 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
+from anaplot.errors import NotComputableError
 from anaplot.exchange.blockfolder import read_block
 from anaplot.photogrammetry.block import Block
 from anaplot.report.computed import Computed
-from anaplot.report.interrupts import EndingEarly
+from anaplot.report.interrupts import EndingEarly, TimeLimit
 from anaplot.report.keywords import keywords_of
 from anaplot.report.output import Output
 from anaplot.report.pageoption import AskedPage
@@ -109,11 +110,27 @@ def computed(options: argparse.Namespace, compute: Callable[..., Computed[T]]) -
         Of the command line.
     compute
         Takes those that are its keywords, and `progress` if that is one.
+
+    Raises
+    ------
+    NotComputableError
+        The time that `--time-limit` gives is over, and there is nothing to be shown yet.
+    KeyboardInterrupt
+        With how far it came.
     """
+    limit = TimeLimit(getattr(options, "time_limit", None))
     with ProgressLine(sys.stderr) as line:
         line("reading", 0.0)
-        watch = EndingEarly(line, sys.stderr)
-        return compute(**keywords_of(compute, {**vars(options), "progress": watch}))
+        watch = EndingEarly(line, sys.stderr, limit)
+        try:
+            with limit:
+                return compute(**keywords_of(compute, {**vars(options), "progress": watch}))
+        except KeyboardInterrupt:
+            if limit.over:
+                raise NotComputableError(
+                    f"not finished in the {limit.seconds:g} s of --time-limit: {line.reached}"
+                ) from None
+            raise KeyboardInterrupt(f"interrupted: {line.reached}") from None
 
 
 def block_of(block: BlockOrFolder) -> tuple[Block, str]:
