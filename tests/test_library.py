@@ -144,7 +144,7 @@ def test_the_keywords_are_the_options(command: str) -> None:
     compute, declare, shown = COMMANDS[command]
     options = {name: o for name, o in declared_options(declare).items() if name not in shown}
     keywords = inspect.signature(compute).parameters
-    assert set(keywords) - {"progress"} == set(options)
+    assert set(keywords) - {"progress", "executor"} == set(options)
     types = get_type_hints(compute)
     for name, option in options.items():
         keyword = keywords[name]

@@ -1,36 +1,25 @@
-"""Monte Carlo: many runs of a scenario in parallel processes, the same whatever their number.
+"""Monte Carlo: many runs of a scenario as shares of work, the same whoever does them.
 
 Runs are done in chunks of a fixed size. Chunk i draws from the i-th child of the seed, so that its
-sums depend on scenario, seed, methods and i alone: not on how many processes there are, nor on
+sums depend on scenario, seed, methods and i alone: not on how many workers there are, nor on
 which of them does it, nor on where an interrupted simulation went on.
 """
 
 from __future__ import annotations
 
-import os
-import signal
-import threading
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import islice
-from multiprocessing import (
-    active_children,
-    connection,
-    get_context,
-    parent_process,
-    resource_tracker,
-)
+from functools import partial
 from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from anaplot.aliases import Bools, Progress
-from anaplot.errors import InputError, NotComputableError
+from anaplot.errors import InputError
 from anaplot.planning.quantities import Quantity, mean_interval
+from anaplot.shares.local import LocalProcesses
+from anaplot.shares.work import Place, carry_out
 
 __all__ = [
     "MOST_RUNS",
@@ -51,8 +40,6 @@ __all__ = [
 QuantityKey = tuple[str, str, str]
 """(case, method, quantity)."""
 
-_THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
-_LOOK = 0.5  # seconds after which a waiting parent looks round
 MOST_RUNS = 100_000_000
 """Runs of a simulation, at most."""
 
@@ -217,7 +204,7 @@ def simulate(
     runs: int | None = None,
     seed: int = 0,
     methods: Sequence[str] | None = None,
-    processes: int = 1,
+    place: Place | None = None,
     done: Iterable[ChunkDone] = (),
     progress: Progress | None = None,
     store: Callable[[ChunkDone], None] | None = None,
@@ -232,8 +219,8 @@ def simulate(
         None: those of the scenario.
     seed
         Not negative; the same seed gives the same sums.
-    processes
-        With 1 nothing is started beside this process.
+    place
+        Where chunks are done; None: in this process.
     done
         Chunks of an earlier simulation with the same scenario, seed and methods; those that are
         whole for the runs asked are not done again.
@@ -241,7 +228,7 @@ def simulate(
         Told what is done and how much of it (0 to 1).
     store
         Given every chunk as soon as it is done; chunks come in any order. An interrupt ends the
-        processes at once, after what they have finished was given.
+        work at once, after what is finished was given.
 
     Returns
     -------
@@ -252,12 +239,12 @@ def simulate(
     ------
     InputError
         A method that the scenario does not know, or impossible numbers.
-    NotComputableError
-        A process died.
+    SharesLostError
+        Workers died, and could not be replaced.
     """
     chosen = _chosen(scenario, methods)
-    if seed < 0 or processes < 1:
-        raise InputError("the seed must not be negative, and there must be at least one process")
+    if seed < 0:
+        raise InputError("the seed must not be negative")
     sizes = chunk_sizes(scenario.runs if runs is None else runs, scenario.chunk)
     # chunks whose turn to be added has not come
     waiting = {
@@ -286,13 +273,13 @@ def simulate(
 
     add_in_order()
     if len(known) < len(sizes):
-        # made one after the other: there may be millions
         tasks = (
             _Task(seed, chosen, number, size)
             for number, size in enumerate(sizes)
             if number not in known
         )
-        _carry_out(scenario, tasks, min(processes, len(sizes) - len(known)), take)
+        left = len(sizes) - len(known)
+        carry_out(_Runs(scenario), tasks, left, place or LocalProcesses(1), take)
     return tally
 
 
@@ -314,116 +301,16 @@ def _chosen(scenario: Scenario, methods: Sequence[str] | None) -> tuple[str, ...
     return tuple(method for method in scenario.methods if method in methods)
 
 
-class _Worker:
-    """What a process that was started for a simulation holds: the scenario made ready."""
+@dataclass(frozen=True, slots=True)
+class _Runs:
+    """Runs of a scenario as `Work`."""
 
-    trial: Trial | None = None
+    scenario: Scenario
 
-
-def _start(scenario: Scenario) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # interrupts are the parent's business
-    _end_with_the_parent()
-    _Worker.trial = scenario.prepare()
-
-
-def _do_there(task: _Task) -> ChunkDone:
-    assert _Worker.trial is not None
-    return _do(_Worker.trial, task)
+    def prepare(self) -> Callable[[_Task], ChunkDone]:
+        return partial(_do, self.scenario.prepare())
 
 
 def _do(trial: Trial, task: _Task) -> ChunkDone:
     rng = np.random.default_rng(np.random.SeedSequence(task.seed, spawn_key=(task.number,)))
     return ChunkDone(task.number, task.runs, trial.run(rng, task.runs, task.methods))
-
-
-def _carry_out(
-    scenario: Scenario, tasks: Iterator[_Task], processes: int, take: Callable[[ChunkDone], None]
-) -> None:
-    if processes == 1:
-        trial = scenario.prepare()
-        for task in tasks:
-            take(_do(trial, task))
-        return
-    running: set[Future[ChunkDone]] = set()
-    others = set(active_children())
-    with _one_thread_each(), _pool(scenario, processes) as pool:
-        try:
-            while True:
-                with _interrupts_held():
-                    for task in islice(tasks, 2 * processes - len(running)):
-                        running.add(pool.submit(_do_there, task))
-                if not running:
-                    return
-                # never one endless wait: an interrupt just before it would be seen after it
-                done = wait(running, timeout=_LOOK, return_when=FIRST_COMPLETED).done
-                _take_done(done, running, take)
-        except BrokenProcessPool:
-            raise NotComputableError("a process of the simulation died before its time") from None
-        except (KeyboardInterrupt, SystemExit):
-            _take_done({f for f in running if f.done() and not f.exception()}, running, take)
-            raise
-        finally:
-            # what is still running belongs to a simulation that has ended
-            for child in set(active_children()) - others if running else ():
-                child.terminate()
-            pool.shutdown(wait=True, cancel_futures=True)
-
-
-def _take_done(
-    done: Iterable[Future[ChunkDone]],
-    running: set[Future[ChunkDone]],
-    take: Callable[[ChunkDone], None],
-) -> None:
-    for future in done:
-        take(future.result())
-        running.discard(future)
-
-
-def _pool(scenario: Scenario, processes: int) -> ProcessPoolExecutor:
-    return ProcessPoolExecutor(
-        processes, mp_context=get_context("spawn"), initializer=_start, initargs=(scenario,)
-    )
-
-
-def _end_with_the_parent() -> None:
-    """Let this process end when its parent does, also when that was killed."""
-    parent = parent_process()
-    assert parent is not None
-
-    def watch() -> None:
-        connection.wait([parent.sentinel])
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
-
-
-@contextmanager
-def _interrupts_held() -> Iterator[None]:
-    """Keep interrupts until the end, and from processes that start meanwhile for good.
-
-    A process would otherwise complain of an interrupt that comes before it can ignore it.
-    """
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    resource_tracker.ensure_running()  # starting it later would let interrupts through
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-@contextmanager
-def _one_thread_each() -> Iterator[None]:
-    """Let the processes started meanwhile do linear algebra with one thread each."""
-    before = {name: os.environ.get(name) for name in _THREADS}
-    os.environ.update(dict.fromkeys(_THREADS, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value

@@ -8,9 +8,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 from anaplot.report.commandparser import NewTarget
+from anaplot.shares.address import LOCAL, cluster_address
 
 __all__ = [
     "add_matrix",
+    "add_on",
     "add_output",
     "add_report_page",
     "between",
@@ -28,6 +30,7 @@ __all__ = [
     "versions",
     "whole",
     "wholes",
+    "workplace",
 ]
 
 _LEAST_ALPHA = 1e-12  # below, nobody's noise is normal any more
@@ -51,6 +54,18 @@ def add_output(parser: argparse.ArgumentParser, main: str, *, folder: bool = Tru
             metavar="FOLDER",
             help="write every table as CSV, and summary.json, into a new or empty folder",
         )
+
+
+def add_on(parser: argparse.ArgumentParser) -> None:
+    """Add where a command computes what consists of many shares."""
+    parser.add_argument(
+        "--on",
+        type=workplace,
+        default=LOCAL,
+        metavar="WHERE",
+        help="local (the default), or dask://HOST:PORT, the scheduler of a dask cluster that you "
+        "trust",
+    )
 
 
 def add_report_page(parser: argparse.ArgumentParser) -> None:
@@ -218,3 +233,12 @@ def whole(low: int, high: int) -> Callable[[str], int]:
         return value
 
     return number
+
+
+def workplace(text: str) -> str:
+    """Return where to compute, as it was said."""
+    try:
+        cluster_address(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"{text!r}: {error}") from None
+    return text

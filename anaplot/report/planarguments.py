@@ -7,6 +7,7 @@ from pathlib import Path
 
 from anaplot.report.arguments import (
     add_matrix,
+    add_on,
     add_output,
     add_report_page,
     between,
@@ -270,6 +271,7 @@ def add_simulate_arguments(simulate: argparse.ArgumentParser) -> None:
     simulate.add_argument(
         "--processes", type=whole(1, 256), metavar="P", help="default: as many as processors"
     )
+    add_on(simulate)
     add_output(simulate, "the figures", folder=False)
     simulate.add_argument(
         "--to",

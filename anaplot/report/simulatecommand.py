@@ -7,6 +7,7 @@ import contextlib
 import hashlib
 import os
 from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import Executor
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -52,7 +53,11 @@ from anaplot.report.owngeometry import ModelOptions, own_scenario
 from anaplot.report.planarguments import add_simulate_arguments
 from anaplot.report.running import computed
 from anaplot.report.simulatedrun import run_to_block
+from anaplot.report.workplace import place_of
+from anaplot.shares.address import LOCAL
+from anaplot.shares.work import SharesLostError
 from anaplot.textfiles.wording import hint, quoted
+from anaplot.textfiles.wording import place as in_file
 from anaplot.version import __version__
 
 __all__ = ["Simulated", "run_simulate", "scenarios_document", "simulate", "simulate_document"]
@@ -86,7 +91,7 @@ def run_simulate(options: argparse.Namespace) -> int:
     InputError
         No such scenario or method, or a file that cannot be used.
     NotComputableError
-        A process died.
+        Workers were lost and could not be replaced, or a cluster does not answer.
     """
     if options.to_block is not None:
         return run_to_block(options)
@@ -123,6 +128,8 @@ def simulate(
     runs: int | None = None,
     seed: int = 0,
     processes: int | None = None,
+    on: str = LOCAL,
+    executor: Executor | None = None,
     to: str | os.PathLike[str] | None = None,
     progress: Progress | None = None,
 ) -> Computed[Simulated]:
@@ -151,7 +158,13 @@ def simulate(
         Of the random numbers; the same seed gives the same figures, whatever the processes.
     processes
         None: as many as processors. With more than one a script needs the guard
-        `if __name__ == "__main__"`, as each of them imports it.
+        `if __name__ == "__main__"`, as each of them imports it. With an executor: how many shares
+        it does at a time, None: 32.
+    on
+        "local", or "dask://HOST:PORT": the scheduler of a dask cluster. It is sent pickles, and
+        so are its answers: it must be trusted.
+    executor
+        Any executor of `concurrent.futures` instead; it is left open.
     to
         A file that keeps what is done; the same call goes on from there.
     progress
@@ -162,8 +175,9 @@ def simulate(
     InputError
         No such scenario or method, or a file that cannot be used.
     NotComputableError
-        A process died.
+        Workers were lost and could not be replaced, or a cluster does not answer.
     """
+    where = place_of(on, processes, executor)
     chosen = _scenario(
         os.fspath(scenario), errors, size, place, alpha, ModelOptions(base, d, c, tie_variance)
     )
@@ -196,16 +210,19 @@ def simulate(
             kept = stack.enter_context(RunsFile(Path(to), what, _largest(quantities), chosen.chunk))
         if progress is not None:
             progress(chosen.name, 0.0)
-        tally = simulate_scenario(
-            chosen,
-            runs=count,
-            seed=seed,
-            methods=used,
-            processes=processes or max(os.cpu_count() or 1, 1),
-            done=() if kept is None else [_done(chunk) for chunk in kept.chunks],
-            progress=progress,
-            store=None if kept is None else partial(_keep, kept),
-        )
+        try:
+            tally = simulate_scenario(
+                chosen,
+                runs=count,
+                seed=seed,
+                methods=used,
+                place=where,
+                done=() if kept is None else [_done(chunk) for chunk in kept.chunks],
+                progress=progress,
+                store=None if kept is None else partial(_keep, kept),
+            )
+        except SharesLostError as error:
+            raise SharesLostError(f"{error}; {_how_to_go_on(to)}") from error
     found = tuple(figures(tally, quantities, chosen.references))
     document = simulate_document(chosen, found, remarks, runs=count, seed=seed)
     return Computed(Simulated(chosen, found, remarks), document)
@@ -239,6 +256,12 @@ def _scenario(
         known=known,
         model=model,
     )
+
+
+def _how_to_go_on(to: str | os.PathLike[str] | None) -> str:
+    if to is None:
+        return "nothing is kept: --to FILE keeps what is done, and goes on from there"
+    return f"{in_file(Path(to))} has what is done: the same call goes on from there"
 
 
 def _at_alpha(scenario: Scenario, alpha: float | None) -> Scenario:

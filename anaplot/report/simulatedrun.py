@@ -13,12 +13,13 @@ from anaplot.report.columns import counted
 from anaplot.report.document import Answer, Document, Line, Names, named, say
 from anaplot.report.keywords import names_in
 from anaplot.report.output import Output
+from anaplot.shares.address import LOCAL
 from anaplot.textfiles.wording import hint, quoted
 
 __all__ = ["run_to_block"]
 
-_ALONE = ("errors", "size", "place", "alpha", "runs", "to", "csv", "list", "processes", "base",
-          "d", "c", "tie_variance")  # fmt: skip
+_ALONE = ("errors", "size", "place", "alpha", "runs", "to", "csv", "list", "processes", "on",
+          "base", "d", "c", "tie_variance")  # fmt: skip
 
 
 def run_to_block(options: argparse.Namespace) -> int:
@@ -32,7 +33,7 @@ def run_to_block(options: argparse.Namespace) -> int:
     folder: Path = options.to_block
     output = Output.of(options)
     given = next(
-        (name for name in _ALONE if getattr(options, name, None) not in (None, False)), None
+        (name for name in _ALONE if getattr(options, name, None) not in (None, False, LOCAL)), None
     )
     if given is not None:
         option = f"--{given.replace('_', '-')}"

@@ -19,6 +19,7 @@ from anaplot.orientation.model import orient
 from anaplot.photogrammetry.block import Precision, TestSettings
 from anaplot.planning.montecarlo import simulate
 from anaplot.planning.scenarios import scenarios
+from anaplot.shares.local import LocalProcesses
 
 
 def main(runs: int = 10_000) -> int:
@@ -41,7 +42,7 @@ def main(runs: int = 10_000) -> int:
     start = perf_counter()
     one = simulate(scenario, seed=1)
     middle = perf_counter()
-    two = simulate(scenario, seed=1, processes=2)
+    two = simulate(scenario, seed=1, place=LocalProcesses(2))
     end = perf_counter()
     gain = (middle - start) / (end - middle)
     print(f"{scenario.name}, {scenario.runs} runs, 1 process  {middle - start:7.2f} s")

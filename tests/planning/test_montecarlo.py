@@ -31,6 +31,7 @@ from anaplot.planning.montecarlo import (
 )
 from anaplot.planning.quantities import COUNT, YES_OR_NO
 from anaplot.planning.scenarios import scenarios
+from anaplot.shares.local import LocalProcesses
 
 SMALL = OneError("small", "6/3", chunk=50, runs=220)
 
@@ -39,7 +40,7 @@ SMALL = OneError("small", "6/3", chunk=50, runs=220)
 @pytest.mark.parametrize("processes", [2, 3])
 def test_the_number_of_processes_does_not_matter(processes: int) -> None:
     one = simulate(SMALL, seed=3)
-    assert simulate(SMALL, seed=3, processes=processes) == one
+    assert simulate(SMALL, seed=3, place=LocalProcesses(processes)) == one
     assert simulate(SMALL, seed=4) != one
     assert all(of.runs == 220 for of in one.values())
 

@@ -18,6 +18,7 @@ from anaplot.planning.ownerrors import OwnErrors
 from anaplot.report import output
 from anaplot.report.owngeometry import ModelOptions, own_scenario
 from anaplot.report.ownplaces import RowName, rows_in
+from anaplot.shares.local import LocalProcesses
 
 pytestmark = pytest.mark.slow
 
@@ -138,7 +139,9 @@ def test_the_search_is_better_than_stepwise_rejection_with_many_errors() -> None
         assert tally[case, "search", quantity].total >= tally[case, "baarda", quantity].total
     # the same in processes of their own, to which the geometry is sent
     small = replace(own, chunk=10, methods=("baarda",))
-    assert simulate(small, runs=30, seed=5, processes=2) == simulate(small, runs=30, seed=5)
+    assert simulate(small, runs=30, seed=5, place=LocalProcesses(2)) == simulate(
+        small, runs=30, seed=5
+    )
 
 
 def test_what_belongs_to_another_geometry_is_not_taken(tmp_path: Path, capsys) -> None:

@@ -1,0 +1,45 @@
+"""Where a command computes: `--on`, and what a program gives in its place."""
+
+from __future__ import annotations
+
+import os
+from concurrent.futures import Executor
+
+from anaplot.errors import InputError
+from anaplot.shares.address import cluster_address
+from anaplot.shares.cluster import Cluster
+from anaplot.shares.local import GivenExecutor, LocalProcesses
+from anaplot.shares.work import Place
+
+__all__ = ["place_of"]
+
+_AT_A_TIME = 32  # shares that an executor is given of which nobody says what it can do
+
+
+def place_of(on: str, processes: int | None, executor: Executor | None) -> Place:
+    """Return where shares of work are done.
+
+    Parameters
+    ----------
+    on
+        As `cluster_address` reads it.
+    processes
+        Of this machine, None: as many as it has processors; of an executor as many at a time.
+    executor
+        None: there is none.
+
+    Raises
+    ------
+    InputError
+        What does not go together.
+    """
+    address = cluster_address(on)
+    if executor is not None:
+        if address is not None:
+            raise InputError("--on does not go with an executor")
+        return GivenExecutor(executor, 2 * (processes or _AT_A_TIME))
+    if address is None:
+        return LocalProcesses(processes or max(os.cpu_count() or 1, 1))
+    if processes is not None:
+        raise InputError("--processes goes with --on local: a cluster has workers of its own")
+    return Cluster(address)
