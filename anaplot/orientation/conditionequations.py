@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from math import inf, sqrt
 from statistics import median
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -27,7 +27,10 @@ _ROOT_Y = sqrt(0.5)
 _ORIGIN = np.zeros(3)
 
 
-def tie_cofactor(ratio: float, tie_variance: TieVariance) -> float:
+_Ratio = TypeVar("_Ratio", float, Array)
+
+
+def tie_cofactor(ratio: _Ratio, tie_variance: TieVariance) -> _Ratio:
     """Return the cofactor of an x row; `ratio` is new bx / old bx.
 
     "paper" takes the ties' model coordinates as free of error: 1. "propagated" adds what the
@@ -35,7 +38,7 @@ def tie_cofactor(ratio: float, tie_variance: TieVariance) -> float:
     has the same weights.
     """
     if tie_variance == "paper":
-        return 1.0
+        return ratio**0
     return 1.0 + (1.0 + ratio) ** 2 + ratio * ratio
 
 

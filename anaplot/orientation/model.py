@@ -28,7 +28,7 @@ from anaplot.orientation.tieerrors import ExactStatistics, exact_statistics, poi
 from anaplot.photogrammetry.block import Precision, TestSettings, TieVariance
 from anaplot.photogrammetry.rotation import rotation_angles, rotation_axes
 
-__all__ = ["BADLY_SPREAD", "UNKNOWNS", "WrongPointsError", "orient", "warm_up"]
+__all__ = ["BADLY_SPREAD", "LEAST_PARALLAX", "UNKNOWNS", "WrongPointsError", "orient", "warm_up"]
 
 
 UNKNOWNS = ("bx", "beta_y", "beta_z", "kappa", "phi", "omega")
@@ -36,6 +36,9 @@ UNKNOWNS = ("bx", "beta_y", "beta_z", "kappa", "phi", "omega")
 
 BADLY_SPREAD = 200.0
 """Condition number above which the operator is told that the points are badly spread."""
+
+LEAST_PARALLAX = 1e-6
+"""Mean x-parallax, as a share of the camera constant, below which it gives no base."""
 
 _EVERY_PAIR_UP_TO = 10  # points of a model in which an interchange can turn the orientation round
 _DUST_UM = 1e-6  # a parallax below this is rounding, whatever it is divided by
@@ -241,7 +244,7 @@ def _first_base(pair: Stereopair) -> float:
     if pair.base is not None:
         return abs(pair.base)
     mean = abs(float(np.mean(pair.xl[:, 0] - pair.xr[:, 0])))
-    if mean < 1e-6 * pair.c_left:
+    if mean < LEAST_PARALLAX * pair.c_left:
         raise NotComputableError(
             f"model {pair.name}: the mean x-parallax is zero; state the strip's base in block.toml"
         )

@@ -12,7 +12,7 @@ from math import atan2, cos, hypot, inf, log1p, sin
 
 import numpy as np
 
-from anaplot.aliases import Array
+from anaplot.aliases import Array, Bools
 from anaplot.errors import NotComputableError
 from anaplot.orientation.conditionequations import ConditionEquations, ModelUnknowns
 from anaplot.orientation.pair import Stereopair
@@ -21,12 +21,16 @@ from anaplot.photogrammetry.intersection import Intersection
 from anaplot.photogrammetry.rotation import turn
 
 __all__ = [
+    "CONVERGED",
+    "FEW_ITERATIONS",
     "IN_FRONT",
+    "LARGEST_TURN",
     "ConvergedOrientation",
     "FoundOrientation",
     "agreement",
     "find_orientation",
     "iterate",
+    "looks_right",
     "vertical_start",
 ]
 
@@ -35,13 +39,22 @@ IN_FRONT = 0.75
 """Share of points that must lie in front of both photos; the others may be grossly wrong."""
 
 CONVERGED = 1e-10
+"""Largest correction of an unknown at convergence."""
+
+FEW_ITERATIONS = 12
+"""What is right converges in fewer."""
+
+LARGEST_TURN = 0.4
+"""Correction [rad, and of the base] to which longer ones are shortened."""
+
 _MAX_ITERATIONS = 60
-_FEW_ITERATIONS = 12  # what is right converges in fewer
 _PAIRS_UP_TO = 16  # points of a model in which two wrong ones are looked for
 _NO_BASE = 0.1  # of the preceding base: below, photos do not make a model
+_ROUGH = 3.0  # sigmas: up to there the rows agree
+_STEEP = 0.45  # rad between the axes of the photos of an aerial model, at most
+_SLOPE = 0.7  # of the base, at most
 _FAR = 0.15  # rad, and of the base: beyond, a gross error is no longer a linear matter
 _LARGEST_DAMPING = 1e8
-_LARGEST_TURN = 0.4  # rad; longer corrections are shortened to this
 _ACROSS_MARGIN = 4.0  # per row: a gross error alone must not make the images look turned
 _TURNED = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
@@ -107,8 +120,8 @@ def _iterate(
             return None
         step, damping = solved
         longest = max(max(step), -min(step))
-        if longest > _LARGEST_TURN:
-            step = [s * _LARGEST_TURN / longest for s in step]
+        if longest > LARGEST_TURN:
+            step = [s * LARGEST_TURN / longest for s in step]
         trial = _moved(state, step if with_scale else [0.0, *step])
         trial_rows = conditions.evaluate(trial, ties=with_scale)
         trial_normal = trial_rows @ trial_rows.T
@@ -288,7 +301,7 @@ def agreement(pair: Stereopair, tie_variance: TieVariance, apriori_mm: float) ->
     conditions = ConditionEquations(pair, tie_variance)
     if not (conditions.first or conditions.x_index):
         return None
-    found = _direct(pair, conditions, pair.base, _FEW_ITERATIONS)
+    found = _direct(pair, conditions, pair.base, FEW_ITERATIONS)
     if found is None or not _fits(pair, conditions, found, apriori_mm, least=1):
         return None
     return found.solution.sum_of_squares
@@ -343,15 +356,48 @@ def _fits(
     """
     freedom = conditions.row_count - (5 if conditions.first else 6)
     state = found.solution.state
-    # ties alone may put both photos into one place, from where everything agrees
-    no_base = 0.0 if conditions.first else _NO_BASE * abs(conditions.preceding_bx or 0.0)
+    before = 0.0 if conditions.first else abs(conditions.preceding_bx or 0.0)
+    return freedom >= least and bool(
+        looks_right(
+            square=found.solution.sum_of_squares / (freedom * apriori_mm**2),
+            growth=abs(state.bx) / before if before else inf,
+            in_front=found.in_front,
+            tilt=_tilt(pair, state.rotation),
+            slope=max(abs(state.beta_y), abs(state.beta_z)),
+        )
+    )
+
+
+def looks_right(
+    *,
+    square: float | Array,
+    growth: float | Array,
+    in_front: float | Array,
+    tilt: float | Array,
+    slope: float | Array,
+) -> bool | Bools:
+    """Return whether what was found looks like an aerial model whose rows agree.
+
+    Parameters
+    ----------
+    square
+        Weighted sum of squared misclosures, over redundancy and the a-priori variance.
+    growth
+        abs(bx), over that of the preceding model; infinite where there is none.
+    in_front
+        Share of points in front of both photos.
+    tilt
+        Angle [rad] between the axes of the photos.
+    slope
+        The larger of abs(beta_y) and abs(beta_z).
+    """
     return (
-        freedom >= least
-        and abs(state.bx) >= no_base
-        and found.solution.sum_of_squares < freedom * (3.0 * apriori_mm) ** 2
-        and found.in_front >= IN_FRONT
-        and _tilt(pair, state.rotation) < 0.45
-        and max(abs(state.beta_y), abs(state.beta_z)) < 0.7
+        (square < _ROUGH**2)
+        # ties alone may put both photos into one place, from where everything agrees
+        & (growth >= _NO_BASE)
+        & (in_front >= IN_FRONT)
+        & (tilt < _STEEP)
+        & (slope < _SLOPE)
     )
 
 

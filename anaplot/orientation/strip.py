@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
@@ -11,7 +12,8 @@ from anaplot.aliases import Progress, RowKey
 from anaplot.errors import NotComputableError
 from anaplot.orientation.model import orient
 from anaplot.orientation.pair import LeftPhoto, Stereopair
-from anaplot.orientation.results import ModelSolution
+from anaplot.orientation.results import ModelPoint, ModelSolution
+from anaplot.orientation.tieerrors import ExactStatistics
 from anaplot.photogrammetry.block import Block, Camera, ImagePoint, Strip
 from anaplot.photogrammetry.rotation import rotation_matrix
 from anaplot.photogrammetry.selection import (
@@ -22,7 +24,7 @@ from anaplot.photogrammetry.selection import (
     rows_off,
 )
 
-__all__ = ["BridgedStrip", "bridge", "bridge_strip", "pooled_sigma_um", "stereopair"]
+__all__ = ["BridgedStrip", "Predecessor", "bridge", "bridge_strip", "pooled_sigma_um", "stereopair"]
 
 Coordinates = Mapping[str, tuple[float, float]]
 
@@ -46,13 +48,37 @@ class BridgedStrip:
     error: str | None = None
 
 
+class Predecessor(Protocol):
+    """What a model takes over from the preceding one of its strip, as a `ModelSolution` has it."""
+
+    @property
+    def centre(self) -> tuple[float, float, float]:
+        """Projection centre of its left photo [mm] in the strip system."""
+
+    @property
+    def base(self) -> tuple[float, float, float]:
+        """From there to the right one [mm]."""
+
+    @property
+    def rotation(self) -> tuple[float, float, float]:
+        """Angles [rad] of the right photo in the strip system."""
+
+    @property
+    def points(self) -> tuple[ModelPoint, ...]:
+        """Its points."""
+
+    @property
+    def exact(self) -> ExactStatistics | None:
+        """How its points err, under "exact"."""
+
+
 def stereopair(
     photos: tuple[str, str],
     left: Coordinates,
     right: Coordinates,
     cameras: tuple[Camera, Camera],
     *,
-    preceding: ModelSolution | None,
+    preceding: Predecessor | None,
     base: float | None = None,
     off: frozenset[RowKey] = frozenset(),
     once: frozenset[str] = frozenset(),
@@ -118,7 +144,7 @@ def stereopair(
     return replace(counted, aside=pair(measured, frozenset(counting)))
 
 
-def _centre_of(model: ModelSolution) -> tuple[float, float, float]:
+def _centre_of(model: Predecessor) -> tuple[float, float, float]:
     left, base = model.centre, model.base
     return left[0] + base[0], left[1] + base[1], left[2] + base[2]
 

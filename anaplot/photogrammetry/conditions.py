@@ -16,7 +16,7 @@ import numpy as np
 
 from anaplot.aliases import Array
 
-__all__ = ["ROWS", "coefficients", "products"]
+__all__ = ["ROWS", "coefficients", "coefficients_of_many", "products"]
 
 
 ROWS = 7
@@ -90,8 +90,12 @@ _TENSOR = _tensor()
 
 
 def products(first: Array, second: Array) -> Array:
-    """Return (9, n) products of the components of two (3, n) arrays, first index slowest."""
-    return (first[:, None, :] * second).reshape(9, -1)
+    """Return (..., 9, n) products of the components of two (..., 3, n) arrays.
+
+    The first array's index is the slowest.
+    """
+    *models, _, n = second.shape
+    return (first[..., None, :] * second[..., None, :, :]).reshape(*models, 9, n)
 
 
 def coefficients(bx: float, beta_y: float, beta_z: float, rotation: Array) -> Array:
@@ -110,4 +114,12 @@ def coefficients(bx: float, beta_y: float, beta_z: float, rotation: Array) -> Ar
     """
     functions = np.array((1.0, beta_y, beta_z, bx, bx * beta_z))
     out: Array = ((_TENSOR @ functions).reshape(6 * ROWS, 3) @ rotation).reshape(ROWS, 18)
+    return out
+
+
+def coefficients_of_many(bx: Array, beta_y: Array, beta_z: Array, rotation: Array) -> Array:
+    """Return the (m, 7, 18) `coefficients` of m models, of (m,) and (m, 3, 3) unknowns."""
+    functions = np.stack((np.ones_like(bx), beta_y, beta_z, bx, bx * beta_z))
+    factors = (_TENSOR @ functions).T.reshape(-1, 6 * ROWS, 3) @ rotation
+    out: Array = factors.reshape(-1, ROWS, 18)
     return out

@@ -17,9 +17,9 @@ class Intersection(NamedTuple):
     Attributes
     ----------
     points
-        (3, n) coordinates.
+        (3, ..., n) coordinates.
     left, right
-        (n,) factors of the left and right rays; positive in front of the photo.
+        (..., n) factors of the left and right rays; positive in front of the photo.
     """
 
     points: Array
@@ -28,23 +28,26 @@ class Intersection(NamedTuple):
 
     @property
     def in_front(self) -> Bools:
-        """(n,) whether a point lies in front of both photos."""
+        """(..., n) whether a point lies in front of both photos."""
         return (self.left > 0.0) & (self.right > 0.0)
 
 
 def intersect(
-    centre: Array, base: tuple[float, float, float], x1: Array, x2: Array
+    centre: Array,
+    base: tuple[float, float, float] | tuple[Array, Array, Array],
+    x1: Array,
+    x2: Array,
 ) -> Intersection:
     """Intersect rays in the XZ plane; Y is the mean of the two rays (conventions).
 
     Parameters
     ----------
     centre
-        (3,) left projection centre.
+        (3,) left projection centre; (3, 1) of several models.
     base
-        Right projection centre minus the left one.
+        Right projection centre minus the left one; (m, 1) each of m models.
     x1, x2
-        (3, n) rays of the left and right photo in the object system.
+        (3, n), (3, m, n) rays of the left and right photo in the object system.
 
     Returns
     -------

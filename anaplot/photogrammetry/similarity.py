@@ -94,10 +94,12 @@ def robust_similarity(source: Array, target: Array) -> tuple[Similarity, Bools] 
         return None
     index = index[good]
     scale, rotation, shift = _closed_form(source[index], target[index])
-    moved = scale[:, None, None] * np.matmul(source, rotation.transpose(0, 2, 1)) + shift[:, None]
-    distance = np.linalg.norm(moved - target, axis=2)
+    off = np.matmul(scale[:, None, None] * rotation, source.T)
+    off += shift[:, :, None] - target.T
+    distance = np.sqrt(np.einsum("kin,kin->kn", off, off))
     # three points always agree: at least one more must
-    middle = np.sort(distance, axis=1)[:, min(n - 1, max(n // 2, 3))]
+    half = min(n - 1, max(n // 2, 3))
+    middle = np.partition(distance, half, axis=1)[:, half]
     best = int(np.argmin(middle))
     limit = 6.0 * float(middle[best]) + 1e-9 * float(np.ptp(target, axis=0).max() + 1e-12)
     inliers = distance[best] <= limit

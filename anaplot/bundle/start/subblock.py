@@ -51,7 +51,9 @@ class SubBlock:
     @property
     def placed(self) -> Bools:
         """(points,) which points are in it."""
-        return np.asarray(np.isfinite(self.points).all(axis=1))
+        x, y, z = np.isfinite(self.points).T
+        out: Bools = x & y & z
+        return out
 
     def transform(self, similarity: Similarity) -> None:
         """Move everything into another system."""
@@ -126,8 +128,8 @@ class SubBlock:
             ground): noise alone would tell how the other subblock is turned about it, so both are
             made to look the same way.
         """
-        points = self.placed & other.placed
-        photos = self.oriented & other.oriented
+        mine, its = self.placed, other.placed
+        points, photos = mine & its, self.oriented & other.oriented
         source = np.concatenate((other.points[points], other.centres[photos]))
         target = np.concatenate((self.points[points], self.centres[photos]))
         if len(source) < 3:
@@ -148,7 +150,7 @@ class SubBlock:
             turn = self._looking_alike(other, axis)
             middle = target[inliers].mean(axis=0)
             other.transform(Similarity(1.0, turn, middle - turn @ middle))
-        new_photos, new_points = other.oriented & ~self.oriented, other.placed & ~self.placed
+        new_photos, new_points = other.oriented & ~self.oriented, its & ~mine
         self.centres[new_photos] = other.centres[new_photos]
         self.rotations[new_photos] = other.rotations[new_photos]
         self.points[new_points] = other.points[new_points]
