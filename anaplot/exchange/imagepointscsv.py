@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from anaplot.errors import InputError
-from anaplot.photogrammetry.block import Block, Camera, ImagePoint, Strip
+from anaplot.photogrammetry.block import Block, Camera, ImagePoint, Strip, image_points
 from anaplot.photogrammetry.measuredimage import (
     has_lens,
     ideal_rays,
@@ -88,7 +88,7 @@ def parse_image_points(path: Path, block: Block) -> tuple[ImagePoint, ...]:
     either = [{"x": NUMBER, "y": NUMBER}, dict.fromkeys(_PIXELS, NUMBER)]
     table, of_photo = measured_rows(path, block, either)
     measured = _take_off_lenses(table, of_photo)
-    return tuple(map(ImagePoint, *(table[name] for name in _COLUMNS), measured))
+    return image_points(*(table[name] for name in _COLUMNS), measured)
 
 
 def measured_rows(
@@ -167,13 +167,8 @@ def format_image_points(points: Iterable[ImagePoint], block: Block | None = None
         A row that could not be read again: a bad name, a number that is none, a row twice.
     """
     rows = list(points)
-    seen: set[tuple[str, str, str | None]] = set()
-    for row in rows:
-        _check_writable(row)
-        key = (row.photo, row.point, row.model)
-        if key in seen:
-            raise _unwritable(row, "stands twice")
-        seen.add(key)
+    if not _surely_writable(rows):
+        _check_rows(rows)
     usual = {"sigma_um": None, "use": "xy", "reason": None}
     columns = [
         name
@@ -193,13 +188,15 @@ def format_image_points(points: Iterable[ImagePoint], block: Block | None = None
 
 def _as_measured(rows: Sequence[ImagePoint], block: Block | None) -> list[tuple[float, float]]:
     """Return what is written of rows: what was read, else what their cameras make of x and y."""
-    out = [(row.x, row.y) if row.measured is None else row.measured for row in rows]
+    out = [row.measured or (row.x, row.y) for row in rows]
     if block is None:
         stray = next((row for row in rows if row.measured is not None), None)
         if stray is not None:
             raise _unwritable(stray, "it was measured in pixels, or through a lens")
         return out
     if not block.in_pixels and not any(map(has_lens, block.cameras)):
+        return out
+    if not any(row.measured is None for row in rows):
         return out
     for row in rows:
         camera = block.camera_of(row.photo)
@@ -334,6 +331,39 @@ def _model_fault(
     if turned in known[photo]:
         return f"{quoted(model)}: in flight order it is {quoted(turned)}"
     return f"{quoted(model)}: the two photos do not follow each other in a strip"
+
+
+def _surely_writable(rows: Sequence[ImagePoint]) -> bool:
+    """Return whether nothing of any row can be wrong: what many rows have is looked at once."""
+    photos: dict[tuple[str, str | None], set[str]] = {}
+    for row in rows:
+        photos.setdefault((row.photo, row.model), set()).add(row.point)
+    if sum(map(len, photos.values())) < len(rows):
+        return False
+    points = set().union(*photos.values())
+    if any(map(name_fault, points)) or any(name_fault(photo) for photo, _ in photos):
+        return False
+    if not all(math.isfinite(row.x) and math.isfinite(row.y) for row in rows):
+        return False
+    # of rows with the same entries of these columns one is looked at
+    others = {(row.photo, row.model, row.sigma_um, row.use, row.reason): row for row in rows}
+    try:
+        for row in others.values():
+            _check_writable(row)
+    except InputError:
+        return False
+    return True
+
+
+def _check_rows(rows: Iterable[ImagePoint]) -> None:
+    """Refuse the first row that could not be read again."""
+    seen: set[tuple[str, str, str | None]] = set()
+    for row in rows:
+        _check_writable(row)
+        key = (row.photo, row.point, row.model)
+        if key in seen:
+            raise _unwritable(row, "stands twice")
+        seen.add(key)
 
 
 def _check_writable(row: ImagePoint) -> None:

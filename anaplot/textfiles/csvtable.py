@@ -6,8 +6,9 @@ import csv
 import io
 from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from anaplot.errors import InputError
 from anaplot.textfiles.inputfile import not_utf8, open_input
@@ -19,6 +20,9 @@ __all__ = ["MAX_CSV_BYTES", "CsvColumns", "csv_text", "read_csv"]
 MAX_CSV_BYTES = 256_000_000
 
 _BLOCK = 1 << 20  # characters that are held as text at a time
+_ROWS = 1 << 14  # rows that are made text at a time
+_BLANKS = " \t\v\f\r\x1c\x1d\x1e\x1f"  # all that strip takes of ASCII text, but for line ends
+_QUOTED = ('"', ",", "\n", "\r")
 
 
 class CsvColumns:
@@ -127,14 +131,32 @@ def read_csv(
 
 def csv_text(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     """Return rows as the text of a CSV file; numbers with the digits that read back exactly."""
+    out = [_rows_text([header])]
+    left = iter(rows)
+    while some := list(islice(left, _ROWS)):
+        out.append(_rows_text(some))
+    return "".join(out)
+
+
+def _rows_text(rows: Sequence[Sequence[object]]) -> str:
+    """Return rows as text, column by column; quoted are only those with a field that needs it."""
+    columns = [_texts(column) for column in zip(*rows, strict=True)]
+    joined = "".join(map("".join, columns))
+    if len(columns) > 1 and not any(mark in joined for mark in _QUOTED):
+        return "\n".join([*map(",".join, zip(*columns, strict=True)), ""])
     text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(header)
-    for row in rows:
-        writer.writerow(
-            ["" if v is None else repr(float(v)) if isinstance(v, float) else v for v in row]
-        )
+    csv.writer(text, lineterminator="\n").writerows(zip(*columns, strict=True))
     return text.getvalue()
+
+
+def _texts(column: Sequence[object]) -> Sequence[str]:
+    """Return what stands in the fields of a column."""
+    kinds = set(map(type, column))
+    if kinds == {str}:
+        return cast("Sequence[str]", column)
+    if kinds == {float}:
+        return list(map(repr, column))
+    return ["" if v is None else repr(float(v)) if isinstance(v, float) else str(v) for v in column]
 
 
 def _blocks(path: Path, file: io.TextIOWrapper) -> Iterator[tuple[int, list[str]]]:
@@ -166,17 +188,23 @@ def _between_blank_lines(first: int, lines: list[str]) -> Iterator[tuple[int, li
 
 def _columns(path: Path, first: int, lines: list[str], width: int) -> list[list[str]]:
     """Return the fields of lines by column."""
-    if {line.count(",") for line in lines} == {width - 1} and not any('"' in x for x in lines):
-        fields = ",".join(lines).split(",")
+    # a mark between lines: where it is every field behind width others, all have as many
+    text = ",\n,".join(lines)
+    fields = text.split(",") if '"' not in text else []
+    if len(fields) == (width + 1) * len(lines) - 1 and set(fields[width :: width + 1]) <= {"\n"}:
+        step = width + 1
     else:
-        fields = []
+        fields, step = [], width
         for number, line in enumerate(lines, first):
             row = _fields(path, number, line)
             if len(row) != width:
                 count = "1 field" if len(row) == 1 else f"{len(row)} fields"
                 raise _fault(path, number, None, f"{count}, the header has {width}")
             fields += row
-    return [list(map(str.strip, fields[column::width])) for column in range(width)]
+    columns = [fields[column::step] for column in range(width)]
+    if text.isascii() and not any(blank in text for blank in _BLANKS):
+        return columns
+    return [list(map(str.strip, column)) for column in columns]
 
 
 def _fields(path: Path, number: int, line: str) -> list[str]:

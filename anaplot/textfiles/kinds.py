@@ -98,6 +98,7 @@ class Number(Kind[float]):
         self, low: float = -math.inf, high: float = math.inf, *, inside: bool = False
     ) -> None:
         self._low, self._high, self._inside = low, high, inside
+        self._unbounded = math.isinf(low) and math.isinf(high)
 
     def of(self, value: Any) -> float:
         """Return a whole number or one with a point."""
@@ -132,9 +133,12 @@ class Number(Kind[float]):
             numbers = list(map(float, texts))
         except ValueError:
             return list(map(self.of_text, texts))
+        if not numbers:
+            return numbers
         joined = "".join(texts)
-        good = joined.isascii() and "_" not in joined and all(map(math.isfinite, numbers))
-        if good and (not numbers or (self._holds(min(numbers)) and self._holds(max(numbers)))):
+        # a sum is finite only where all of them are
+        good = joined.isascii() and "_" not in joined and math.isfinite(sum(numbers))
+        if good and (self._unbounded or all(map(self._holds, (min(numbers), max(numbers))))):
             return numbers
         return list(map(self.of_text, texts))
 

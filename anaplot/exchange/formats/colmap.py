@@ -130,7 +130,7 @@ def read(source: Path, options: ImportOptions) -> Imported:
     sigma_um = _pixel_um(options) * (1.0 if options.sigma_px is None else options.sigma_px)
     cameras, camera_of, rays, told = rays_of(model, options.pixel_um, sigma_um)
     notes += told
-    if not rays:
+    if not len(rays):
         raise InputError(f"{place(model.file('images'))}: no image with a pose sees a point")
     points, told_of_rays = image_points_of(rays, camera_of, pixels=True)
     notes += told_of_rays

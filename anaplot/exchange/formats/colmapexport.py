@@ -85,7 +85,7 @@ def _rays_off(model: ColmapModel, block: Block) -> tuple[list[Bools], list[Note]
     rows = {(row.photo, row.point): row for row in block.image_points}
     found = rays_of(model, block.cameras[0].pixel_um, 1.0)
     names = kept_names(found.rays, found.camera_of, pixels=True)
-    calls = iter(zip(names, found.rays, strict=True))
+    calls = iter(zip(names, found.rays.xy.tolist(), strict=True))
     state = [np.zeros(len(image.point), dtype=np.int8) for image in model.images]
     half = unknown = anew = 0
     for image, mine in zip(model.images, state, strict=True):
@@ -93,7 +93,7 @@ def _rays_off(model: ColmapModel, block: Block) -> tuple[list[Bools], list[Note]
             unknown += len(mine)
             continue
         for k, point in enumerate(image.point.tolist()):
-            name, ray = next(calls)
+            name, (x, y) = next(calls)
             row = None if name is None else rows.get((image.name, name))
             if row is None:
                 unknown += 1
@@ -103,7 +103,7 @@ def _rays_off(model: ColmapModel, block: Block) -> tuple[list[Bools], list[Note]
             elif row.use != "xy":
                 half += 1
                 mine[k] = _GOES
-            elif measured_anew(row, ray.x, ray.y):
+            elif measured_anew(row, x, y):
                 anew += 1
     off = sum(int((mine == _GOES).sum()) for mine in state)
     twice = sum(int((mine == _TWICE).sum()) for mine in state)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -20,7 +20,7 @@ from anaplot.exchange.formats.colmapcamera import (
 )
 from anaplot.exchange.formats.colmapmodel import ColmapImage, ColmapModel
 from anaplot.exchange.formats.door import Note
-from anaplot.exchange.formats.measuredrays import MeasuredRay, enlarged, magnified
+from anaplot.exchange.formats.measuredrays import RayColumns, enlarged, magnified
 from anaplot.photogrammetry.block import Camera, in_pixels
 from anaplot.photogrammetry.camera import BrownLens
 
@@ -44,7 +44,7 @@ class ModelRays(NamedTuple):
 
     cameras: tuple[Camera, ...]
     camera_of: dict[str, Camera]
-    rays: list[MeasuredRay]
+    rays: RayColumns
     notes: list[Note]
 
 
@@ -63,7 +63,7 @@ def rays_of(model: ColmapModel, pixel_um: float | None, sigma_um: float) -> Mode
     used = [image for image in model.images if image.oriented and len(image.point)]
     cameras: dict[int, Camera] = {}
     places: dict[int, Array] = {}
-    sigmas: dict[int, list[float | None]] = {}
+    sigmas: dict[int, Array] = {}
     notes = []
     by_camera: dict[int, list[ColmapImage]] = {}
     for image in used:
@@ -74,20 +74,36 @@ def rays_of(model: ColmapModel, pixel_um: float | None, sigma_um: float) -> Mode
         ends = np.cumsum([len(image.xy) for image in mine])[:-1]
         names = [image.id for image in mine]
         places |= dict(zip(names, np.split(measured, ends), strict=True))
-        for image in mine:
-            sigmas[image.id] = [None] * len(image.xy)
         if larger is not None:
-            for name, part in zip(names, np.split(larger, ends), strict=True):
-                sigmas[name] = [enlarged(sigma_um, value) for value in part.tolist()]
-    rays = [
-        MeasuredRay(image.name, str(point), x, y, sigma)
-        for image in used
-        for point, (x, y), sigma in zip(
-            image.point.tolist(), places[image.id].tolist(), sigmas[image.id], strict=True
-        )
-    ]
+            sigmas |= dict(zip(names, np.split(larger, ends), strict=True))
+    rays = _columns(used, places, sigmas, sigma_um)
     camera_of = {image.name: cameras[image.camera] for image in used}
     return ModelRays(tuple(cameras.values()), camera_of, rays, notes)
+
+
+def _columns(
+    images: Sequence[ColmapImage],
+    places: Mapping[int, Array],
+    larger: Mapping[int, Array],
+    sigma_um: float,
+) -> RayColumns:
+    """Return the rays of images: their places, and how much larger some errors are, by image."""
+    photo: list[str] = []
+    point: list[str] = []
+    sigma: list[float | None] = []
+    names: dict[int, str] = {}
+    for image in images:
+        numbers = image.point.tolist()
+        photo += [image.name] * len(numbers)
+        # a name is one object for all rays of its point
+        point += [names.get(k) or names.setdefault(k, str(k)) for k in numbers]
+        if image.id in larger:
+            sigma += [enlarged(sigma_um, value) for value in larger[image.id].tolist()]
+        else:
+            sigma += [None] * len(numbers)
+    n = len(photo)
+    xy = np.concatenate([np.empty((0, 2)), *(places[image.id] for image in images)])
+    return RayColumns(photo, point, xy, sigma, ["xy"] * n, [None] * n)
 
 
 def _camera(

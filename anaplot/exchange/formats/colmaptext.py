@@ -19,6 +19,7 @@ __all__ = ["cleaned_image_lines", "cleaned_point_lines", "text_model"]
 _HEAD = 9  # values of an image before its name
 _POINT = 8  # values of a point before its track
 _NUMBER = 2**32 - 1
+_DIGITS = 18  # a number of so many is below 2**63
 _NONE = str(2**64 - 1)  # what a writer of unsigned numbers makes of "no point"
 
 
@@ -131,6 +132,11 @@ def _column(line: SourceLine, texts: list[str]) -> Array:
 
 
 def _wholes(line: SourceLine, texts: list[str], what: str, low: int) -> list[int]:
+    """Return whole numbers; raises InputError for the first that is none."""
+    mine = [text for text in texts if text != "-1"] if low < 0 else texts
+    digits = "".join(mine)
+    if digits.isascii() and digits.isdigit() and max(map(len, mine)) <= _DIGITS:
+        return list(map(int, texts))
     return [
         NO_POINT if low < 0 and text == _NONE else line.whole_of(text, what, low, 2**63 - 1)
         for text in texts

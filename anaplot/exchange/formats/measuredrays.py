@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
+from itertools import compress
+from operator import ne
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from anaplot.aliases import Array, Bools
 from anaplot.exchange.formats.door import Note
-from anaplot.photogrammetry.block import Camera, ImagePoint, Use
+from anaplot.photogrammetry.block import Camera, ImagePoint, Use, image_points
 from anaplot.photogrammetry.measuredimage import ideal_rays, mm_of_pixels
 
 __all__ = [
     "TWICE",
     "MeasuredRay",
+    "RayColumns",
     "enlarged",
     "image_points_of",
     "kept_names",
@@ -54,8 +58,32 @@ class MeasuredRay(NamedTuple):
     reason: str | None = None
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class RayColumns:
+    """Rays of another program's file by columns, as `MeasuredRay` has them; xy is (n, 2)."""
+
+    photo: Sequence[str]
+    point: Sequence[str]
+    xy: Array
+    sigma_um: Sequence[float | None]
+    use: Sequence[Use]
+    reason: Sequence[str | None]
+
+    def __len__(self) -> int:
+        return len(self.photo)
+
+    @classmethod
+    def of(cls, rays: Sequence[MeasuredRay]) -> RayColumns:
+        """Return rays by columns."""
+        if not rays:
+            return cls((), (), np.empty((0, 2)), (), (), ())
+        photo, point, x, y, sigma, use, reason = zip(*rays, strict=True)
+        xy = np.array([x, y], dtype=np.float64).T
+        return cls(photo, point, xy, sigma, use, reason)
+
+
 def image_points_of(
-    rays: Sequence[MeasuredRay], camera_of: Mapping[str, Camera], *, pixels: bool
+    rays: Sequence[MeasuredRay] | RayColumns, camera_of: Mapping[str, Camera], *, pixels: bool
 ) -> tuple[tuple[ImagePoint, ...], tuple[Note, ...]]:
     """Return image points in the order of the rays, and what was done to some of them.
 
@@ -77,26 +105,31 @@ def image_points_of(
     notes
         How many of each.
     """
+    rays = rays if isinstance(rays, RayColumns) else RayColumns.of(rays)
     ideal, outside, unseen, lost = _ideal(rays, camera_of, pixels=pixels)
-    names = _numbered(rays, outside | unseen | lost)
-    doubled = [
-        name is not None and name != ray.point for name, ray in zip(names, rays, strict=True)
+    left_out = outside | unseen | lost
+    names = _numbered(rays, left_out)
+    doubled = list(map(ne, names, rays.point))
+    twice = np.array(doubled, dtype=bool) & ~left_out
+    use, reason = list(rays.use), list(rays.reason)
+    for k in np.flatnonzero(twice).tolist():
+        use[k], reason[k] = "off", TWICE
+    measured: list[tuple[float, float] | None] = list(
+        zip(*(axis.tolist() for axis in rays.xy.T), strict=True)
+    )
+    if not pixels:
+        through = {photo: camera.lens is not None for photo, camera in camera_of.items()}
+        measured = [
+            at if through[photo] else None for photo, at in zip(rays.photo, measured, strict=True)
+        ]
+    x, y = (axis.tolist() for axis in ideal.T)
+    none = [None] * len(rays)
+    columns: list[Sequence[Any]] = [
+        *(rays.photo, names, x, y, rays.sigma_um, none, use, reason, measured)
     ]
-    made = [
-        ImagePoint(
-            ray.photo,
-            name,
-            x,
-            y,
-            ray.sigma_um,
-            None,
-            "off" if again else ray.use,
-            TWICE if again else ray.reason,
-            (ray.x, ray.y) if pixels or camera_of[ray.photo].lens is not None else None,
-        )
-        for ray, name, again, (x, y) in zip(rays, names, doubled, ideal.tolist(), strict=True)
-        if name is not None
-    ]
+    if left_out.any():
+        kept = (~left_out).tolist()
+        columns = [list(compress(column, kept)) for column in columns]
     notes = [
         Note("dropped", int(mask.sum()), text, _some(rays, mask))
         for mask, text in (
@@ -105,20 +138,20 @@ def image_points_of(
         )
         if mask.any()
     ]
-    twice = np.array(doubled, dtype=bool)
     if twice.any():
         text = "rays of a point that is in the photo already: kept with ~2, and do not count"
         notes.append(Note("doubled", int(twice.sum()), text, _some(rays, twice)))
-    return tuple(made), tuple(notes)
+    return image_points(*columns), tuple(notes)
 
 
 def kept_names(
-    rays: Sequence[MeasuredRay], camera_of: Mapping[str, Camera], *, pixels: bool
+    rays: Sequence[MeasuredRay] | RayColumns, camera_of: Mapping[str, Camera], *, pixels: bool
 ) -> list[str | None]:
     """Return what `image_points_of` calls each ray's point, or None where it leaves the ray out.
 
     By them the rays of a source are found again among the image points that were made of them.
     """
+    rays = rays if isinstance(rays, RayColumns) else RayColumns.of(rays)
     _, outside, unseen, lost = _ideal(rays, camera_of, pixels=pixels)
     return _numbered(rays, outside | unseen | lost)
 
@@ -148,28 +181,27 @@ def magnified(magnification: Array, camera: str) -> list[Note]:
 
 
 def _ideal(
-    rays: Sequence[MeasuredRay], camera_of: Mapping[str, Camera], *, pixels: bool
+    rays: RayColumns, camera_of: Mapping[str, Camera], *, pixels: bool
 ) -> tuple[Array, Bools, Bools, Bools]:
     """Return (n, 2) ideal coordinates, and who is outside, who is unseen, who stands nowhere."""
-    places = np.array([(ray.x, ray.y) for ray in rays], dtype=np.float64).reshape(-1, 2)
+    places = rays.xy
     lost: Bools = np.isnan(places[:, 0] + places[:, 1])
     ideal = np.zeros_like(places)
     outside: Bools = np.zeros(len(rays), dtype=bool)
-    by_camera: dict[str, list[int]] = {}
-    known: dict[str, Camera] = {}
-    for k, ray in enumerate(rays):
-        camera = camera_of[ray.photo]
-        known[camera.id] = camera
-        by_camera.setdefault(camera.id, []).append(k)
-    for name, rows in by_camera.items():
-        camera = known[name]
+    photos = dict.fromkeys(rays.photo)
+    known = {camera_of[photo].id: camera_of[photo] for photo in photos}
+    number = {name: k for k, name in enumerate(known)}
+    of_photo = {photo: number[camera_of[photo].id] for photo in photos}
+    of_ray = np.fromiter(map(of_photo.__getitem__, rays.photo), np.intp, len(rays))
+    for name, camera in known.items():
+        rows = np.flatnonzero(of_ray == number[name])
         mine = places[rows]
         if pixels and camera.pixels is not None:
             low, high = -_BESIDE, np.array(camera.pixels) + _BESIDE
             outside[rows] = ((mine < low) | (mine > high)).any(axis=1)
         else:
             outside[rows] = (np.abs(mine) > camera.reach()).any(axis=1)
-        good = np.array(rows)[~outside[rows] & ~lost[rows]]
+        good = rows[~outside[rows] & ~lost[rows]]
         mine = places[good]
         ideal[good] = ideal_rays(camera, mm_of_pixels(camera, mine) if pixels else mine)
     outside &= ~lost
@@ -177,26 +209,42 @@ def _ideal(
     return ideal, outside, unseen, lost
 
 
-def _numbered(rays: Sequence[MeasuredRay], left_out: Bools) -> list[str | None]:
+def _numbered(rays: RayColumns, left_out: Bools) -> list[str | None]:
     """Return names that stand once in every photo; None for what is left out."""
-    taken = {(ray.photo, ray.point) for ray in rays}
+    names: list[str | None] = list(rays.point)
+    for k in np.flatnonzero(left_out).tolist():
+        names[k] = None
+    again = np.flatnonzero(_stands_again(rays) & ~left_out).tolist()
+    # a name that is made has the mark: others cannot be in its way
+    taken = {pair for pair in zip(rays.photo, rays.point, strict=True) if "~" in pair[1]}
     times: dict[tuple[str, str], int] = {}
-    names: list[str | None] = []
-    for ray, out in zip(rays, left_out.tolist(), strict=True):
-        if out:
-            names.append(None)
-            continue
-        key, name = (ray.photo, ray.point), ray.point
-        number = times.get(key, 0)
+    for k in again:
+        photo, point = key = rays.photo[k], rays.point[k]
+        name, number = point, times.get(key, 0)
         if number:
-            while (ray.photo, name) in taken:
+            while (photo, name) in taken or name == point:
                 number += 1
-                name = f"{ray.point}~{number}"
-            taken.add((ray.photo, name))
+                name = f"{point}~{number}"
+            taken.add((photo, name))
         times[key] = max(number, 1)
-        names.append(name)
+        names[k] = name
     return names
 
 
-def _some(rays: Sequence[MeasuredRay], mask: Bools) -> tuple[str, ...]:
-    return tuple(f"{rays[k].photo}: {rays[k].point}" for k in np.flatnonzero(mask)[:_EXAMPLES])
+def _stands_again(rays: RayColumns) -> Bools:
+    """Return (n,) which rays are of points that stand more than once in their photo."""
+    n = len(rays)
+    photos, points = (
+        {name: k for k, name in enumerate(dict.fromkeys(column))}
+        for column in (rays.photo, rays.point)
+    )
+    key = np.fromiter(map(photos.__getitem__, rays.photo), np.int64, n) * len(points)
+    key += np.fromiter(map(points.__getitem__, rays.point), np.int64, n)
+    ordered = np.sort(key)
+    twice = ordered[1:][ordered[1:] == ordered[:-1]]
+    return np.isin(key, twice)
+
+
+def _some(rays: RayColumns, mask: Bools) -> tuple[str, ...]:
+    some = np.flatnonzero(mask)[:_EXAMPLES].tolist()
+    return tuple(f"{rays.photo[k]}: {rays.point[k]}" for k in some)

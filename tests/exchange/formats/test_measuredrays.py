@@ -61,3 +61,17 @@ def test_mm_are_ideal_where_there_is_no_lens() -> None:
     )
     assert points[0].measured is None
     assert (points[0].x, points[0].y) == (0.5, -0.25)
+
+
+def test_a_name_that_is_made_is_in_nobodys_way() -> None:
+    names = ["a", "a~2", "a", "a", "b", "a~2", "gone", "gone"]
+    places = [(float(k + 1), 5.0) for k in range(6)] + [(-5.0, 5.0), (9.0, 5.0)]
+    rays = [MeasuredRay("1", name, *at) for name, at in zip(names, places, strict=True)]
+    rays.append(MeasuredRay("2", "a", 3.0, 5.0))  # in another photo it stands once
+    points, notes = image_points_of(rays, {"1": PLAIN, "2": PLAIN}, pixels=True)
+    assert [row.point for row in points] == [
+        *("a", "a~2", "a~3", "a~4", "b", "a~2~2", "gone", "a"),
+    ]
+    assert [row.use for row in points] == ["xy", "xy", "off", "off", "xy", "off", "xy", "xy"]
+    assert [row.reason for row in points if row.use == "off"] == [TWICE] * 3
+    assert [(note.what, note.count) for note in notes] == [("dropped", 1), ("doubled", 3)]
