@@ -90,7 +90,7 @@ def _colmap(folder: Path) -> None:
         PointResult(name, tuple(xyz.tolist()), nowhere, 0, None, 0, "new")
         for name, xyz in scene.points.items()
     )
-    write_new(Exporting(scene.block, folder, adjusted=AdjustedResult(photos, points)), folder)
+    write_new(Exporting(scene.block, folder, adjusted=AdjustedResult(photos, points, 1.0)), folder)
 
 
 def _block(make: Callable[[], Block]) -> Callable[[Path], None]:

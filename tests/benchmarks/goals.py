@@ -82,6 +82,7 @@ GOALS = {
     "100": _adjust("100 photos, 2 500 rays", "100", 8, 150),
     "400": _adjust("400 photos, search, 20 mismatches", "400", 50, 300, "--errors", "search"),
     "2500": _adjust("2 500 photos, 62 500 rays", "2500", 60, 500),
+    "2500-all": _adjust("2 500 photos, 62 500 rays, all rows", "2500", 60, 500, "--all"),
     "2500-json": _adjust("2 500 photos, 62 500 rays, JSON", "2500", 60, 500, "--json"),
     "10000": _adjust("10 000 photos, 490 000 rays", "10000", 250, 2048),
     "drone": _adjust("drone, 992 photos, 460 000 rays, given", "drone", 130, 1536),
