@@ -6,7 +6,8 @@ Z = A'B L^-T and T = L^-1 sum B'H, the points leave
 
     N_pq = sum A'A - Z_p Z_q',   N_pg = sum A'H - Z_p T,   N_gg = sum H'H - T'T.
 
-Points are taken in groups of equal numbers of rays, all points of a group at once.
+Points are inverted in groups of equal numbers of rays, all points of a group at once, and Z_p Z_q'
+is summed in clusters of points near each other.
 """
 
 from __future__ import annotations
@@ -84,21 +85,18 @@ class NormalEquations:
         a, b, h = linear.a, linear.b, linear.h
         q = h.shape[2]
         grow = 1.0 + damping
-        blocks = np.zeros((len(structure.pattern.rows), d * d))
+        blocks = np.zeros((len(structure.pattern.rows), d, d))
         at = a.transpose(0, 2, 1)
-        photo_own = structure.by_photo @ np.matmul(at, a).reshape(m, d * d)
-        own = photo_own.reshape(n, d, d)
-        own += np.matmul(linear.photo_rows.transpose(0, 2, 1), linear.photo_rows)
+        own = np.matmul(linear.photo_rows.transpose(0, 2, 1), linear.photo_rows)
         point_weight = linear.point_weight.sum(axis=0)
         if linear.given is not None:
             own += linear.given.held_photos(d)
             point_weight = point_weight + linear.given.held_points(point_weight.shape)
         diagonal = np.einsum("nii->ni", own)
         diagonal[:, 6:] += linear.own_weight
-        if anchor is not None:
-            diagonal += anchor * diagonal
-        diagonal *= grow
-        blocks[structure.pattern.diagonal] = own.reshape(n, d * d)
+        whole = diagonal + structure.by_photo @ np.einsum("mij,mij->mj", a, a)
+        diagonal += (grow - 1.0 if anchor is None else (1.0 + anchor) * grow - 1.0) * whole
+        without_points = np.empty((m, d, d))
         self.border = np.zeros((n, d, g))
         self.corner = np.zeros((g, g))
         self.corner_scale = np.zeros(g)
@@ -129,14 +127,17 @@ class NormalEquations:
             )
             z = np.matmul(at[rays], scaled)
             self.z[rays] = z
-            tall = z.reshape(count, k * d, 3)
-            product = np.matmul(tall, tall.transpose(0, 2, 1))
-            which, i, j = piece.pairs
-            picked = product.reshape(count, k, d, k, d)[which, i, :, j, :]
-            blocks -= piece.sums @ picked.reshape(len(which), d * d)
+            # A'A - Z Z' of a single ray: a weight that is far too large cancels here
+            left = np.eye(2) - np.matmul(scaled, scaled.transpose(0, 2, 1))
+            without_points[rays] = np.matmul(at[rays], np.matmul(left, a[rays]))
             if g:
                 self._border_of_points(piece, scaled, z, h, q)
-        self.blocks = blocks.reshape(-1, d, d)
+        own += (structure.by_photo @ without_points.reshape(m, d * d)).reshape(n, d, d)
+        del without_points
+        blocks[structure.pattern.diagonal] = own
+        for cluster in structure.clusters:
+            cluster.take(blocks, self.z)
+        self.blocks = blocks
 
     def border_columns(self, group: Index) -> Index:
         """(rays, q) columns of the border that rays of these groups touch."""

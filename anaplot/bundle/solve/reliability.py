@@ -185,18 +185,8 @@ class Cofactors:
         start = group.first_ray + (point - group.first_point) * k
         rays = np.arange(start, start + k)
         linear = self.normal.linear
-        piece = next(
-            p for p in self.normal.structure.pieces if p.points.start <= point < p.points.stop
-        )
-        at = point - piece.points.start
         d = linear.a.shape[2]
-        q = np.empty((k * d, k * d))
-        for i in range(k):
-            for j in range(k):
-                block = self.inverse.blocks[piece.block[at, i, j]]
-                q[i * d : i * d + d, j * d : j * d + d] = (
-                    block.T if piece.flipped[at, i, j] else block
-                )
+        q = self.normal.structure.among(problem.photo[rays], self.inverse.blocks)
         design = np.zeros((2 * k, k * d))
         for i, ray in enumerate(rays):
             design[2 * i : 2 * i + 2, i * d : i * d + d] = linear.a[ray]
@@ -294,13 +284,11 @@ def compute_cofactors(
     inverse = factor.selected_inverse(progress)
     m, d, g = len(problem.photo), linear.a.shape[2], len(normal.corner)
     count = len(problem.points)
-    both = np.concatenate((inverse.blocks, inverse.blocks.transpose(0, 2, 1)))
-    stored = len(inverse.blocks)
-    within = np.arange(d)[:, None]
     adjusted = np.empty((m, 2, 2))
     response = np.empty((m, 3, 2))
     q_points = np.empty((count, 3, 3))
     own = inverse.blocks[normal.structure.pattern.diagonal]
+    all_cov = _photos_and_points(normal, inverse)
     for piece in normal.structure.pieces:
         k, size = piece.group.rays, piece.stop - piece.start
         rays, points = piece.rays, piece.points
@@ -308,9 +296,7 @@ def compute_cofactors(
         photo = problem.photo[rays]
         z = normal.z[rays].reshape(size, k * d, 3)
         mt = np.matmul(z, root)  # M', k d x 3
-        ids = piece.block + stored * piece.flipped
-        q = both[ids[:, :, None, :], within].reshape(size, k * d, k * d)
-        cov = np.matmul(q, mt)  # minus the covariance of photo and point
+        cov = all_cov[rays].reshape(size, k * d, 3)
         q_point = np.matmul(root.transpose(0, 2, 1), root)
         a, b = linear.a[rays], linear.b[rays]
         if g:
@@ -416,6 +402,20 @@ def compute_cofactors(
         change,
         offsets,
     )
+
+
+def _photos_and_points(normal: NormalEquations, inverse: SelectedInverse) -> Array:
+    """Return (m, d, 3) minus the covariances of photo and point of every ray, but for parameters.
+
+    Q M', of which a ray needs the rows of its photo.
+    """
+    root = normal.inverse_root[normal.problem.point]
+    mt: Array = np.matmul(normal.z, root)
+    out = np.empty_like(mt)
+    for cluster in normal.structure.clusters:
+        tall = cluster.matrix_of(inverse.blocks) @ cluster.of.laid_out(mt)
+        out[cluster.of.rays] = cluster.of.of_rays(tall)
+    return out
 
 
 def _photo_priors(rows: Array, own: Array, beside: Array) -> Array:

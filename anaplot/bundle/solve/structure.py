@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import sparse
 
-from anaplot.aliases import Array, Bools, Index
+from anaplot.aliases import Array, Index
 from anaplot.bundle.solve.dissection import dissect
 from anaplot.bundle.solve.factor import SparsityPattern, sparsity_pattern
+from anaplot.bundle.solve.pointclusters import Cluster, point_sets
 from anaplot.bundle.solve.pointgroups import Group
 from anaplot.bundle.solve.problem import Problem
 
@@ -27,22 +28,11 @@ class Piece:
     ----------
     group, start, stop
         The group, and which of its points.
-    pairs
-        Point within the piece, row ray and column ray of every block that it adds to.
-    sums
-        (blocks, pairs) which pair belongs to which block.
-    block, flipped
-        (points, k, k) ids of the blocks, for the selected inverse, and whether a block is stored
-        the other way round.
     """
 
     group: Group
     start: int
     stop: int
-    pairs: tuple[Index, Index, Index]
-    sums: sparse.csr_matrix
-    block: Index
-    flipped: Bools
 
     @property
     def points(self) -> slice:
@@ -66,14 +56,31 @@ class Structure:
     pattern
         The symbolic factorisation.
     pieces
-        Points in portions.
+        Points of equal numbers of rays, in portions.
+    clusters
+        Points near each other.
     by_photo
         (photos, rays) sums over the rays of each photo.
+    pairs
+        Sorted, a number for the two photos of each block of the pattern.
     """
 
     pattern: SparsityPattern
     pieces: tuple[Piece, ...]
+    clusters: tuple[Cluster, ...]
     by_photo: sparse.csr_matrix
+    pairs: Index
+
+    def among(self, photos: Index, blocks: Array) -> Array:
+        """Return (k d, k d) of k photos, each seen with each, from (all, d, d) blocks."""
+        n, d = self.by_photo.shape[0], blocks.shape[1]
+        ids = _ids(self.pairs, photos[:, None] * n + photos)
+        flipped = ids < 0
+        ids[flipped] = ids.T[flipped]
+        each = blocks[ids]
+        each[flipped] = each[flipped].transpose(0, 2, 1)
+        out: Array = each.transpose(0, 2, 1, 3).reshape(len(photos) * d, len(photos) * d)
+        return out
 
 
 def make_structure(problem: Problem, places: Array) -> Structure:
@@ -86,42 +93,39 @@ def make_structure(problem: Problem, places: Array) -> Structure:
     places
         (photos, 3) rough projection centres, for the dissection.
     """
-    n = len(problem.photos)
-    d, g = problem.per_photo, problem.in_border
-    keys = []
-    for group in problem.groups:
-        photo = problem.photo[group.ray_slice].reshape(group.points, group.rays)
-        pair = (photo[:, :, None] * n + photo[:, None, :]).reshape(-1)
-        keys.append(np.unique(pair))
-    both = np.unique(np.concatenate(keys))
+    n, m = len(problem.photos), len(problem.photo)
+    sets = point_sets(problem, places)
+    # of all pairs of photos that see a point in common, both ways round
+    pairs = []
+    for of in sets:
+        i, j = of.together()
+        pairs.append((i, j, of.photos[i] * n + of.photos[j]))
+    alone = np.arange(n) * (n + 1)
+    both = np.unique(np.concatenate([alone, *(numbers for _, _, numbers in pairs)]))
     indptr = np.searchsorted(both, np.arange(n + 1) * n)
     order = dissect(places, indptr.astype(np.intp), both % n)
     position = order.position
-    first, second = both // n, both % n
-    lower = position[first] >= position[second]
-    rows, columns = first[lower], second[lower]
-    # id of the block of every ordered pair of photos, by binary search in `both`
-    ids = np.full(len(both), -1)
-    ids[lower] = np.arange(len(rows))
-    mirrored = np.searchsorted(both, second[~lower] * n + first[~lower])
-    ids[~lower] = ids[mirrored]
+    stored = both[position[both // n] >= position[both % n]]
+    diagonal = _ids(stored, alone)
+    clusters = []
+    for of, (i, j, numbers) in zip(sets, pairs, strict=True):
+        ids = _ids(stored, numbers)
+        mine = ids >= 0
+        own = diagonal[of.photos]
+        twice = len(np.unique(own)) < len(own)
+        clusters.append(Cluster(of, i[mine], j[mine], ids[mine], own, twice))
     pieces = []
     for group in problem.groups:
-        k = group.rays
-        step = max(1, _CHUNK // (8 * (k * d) ** 2))
-        photo = problem.photo[group.ray_slice].reshape(group.points, k)
+        step = max(1, _CHUNK // (8 * (group.rays * problem.per_photo) ** 2))
         for start in range(0, group.points, step):
-            stop = min(start + step, group.points)
-            mine = photo[start:stop]
-            at = np.searchsorted(both, mine[:, :, None] * n + mine[:, None, :])
-            keep = lower[at]
-            which, row, column = np.nonzero(keep)
-            block = ids[at]
-            count = len(which)
-            sums = sparse.csr_matrix(
-                (np.ones(count), (block[keep], np.arange(count))), shape=(len(rows), count)
-            )
-            pieces.append(Piece(group, start, stop, (which, row, column), sums, block, ~keep))
-    m = len(problem.photo)
+            pieces.append(Piece(group, start, min(start + step, group.points)))
     by_photo = sparse.csr_matrix((np.ones(m), (problem.photo, np.arange(m))), shape=(n, m))
-    return Structure(sparsity_pattern(order, rows, columns, d, g), tuple(pieces), by_photo)
+    pattern = sparsity_pattern(order, stored // n, stored % n, problem.per_photo, problem.in_border)
+    return Structure(pattern, tuple(pieces), tuple(clusters), by_photo, stored)
+
+
+def _ids(pairs: Index, asked: Index) -> Index:
+    """Return where numbers stand among sorted ones; -1 where they do not."""
+    at = np.minimum(np.searchsorted(pairs, asked), len(pairs) - 1)
+    out: Index = np.where(pairs[at] == asked, at, -1)
+    return out
