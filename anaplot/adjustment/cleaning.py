@@ -281,6 +281,7 @@ class Cleaning(Generic[S, K, R]):
             left_out=_rows(system, held),
             measured=self.subject.apriori.rows,
             watch=self.watch,
+            weigh=False,
         )
 
     def _check_scale(self, system: ResidualSystem, found: Findings | None) -> None:
@@ -383,7 +384,7 @@ class Attempts(Generic[S, K, R]):
             self._failures.append(error)
 
     def best(self) -> CleaningEnd[S, K, R]:
-        """Return the best end, with the odds over pairs where they are asked for.
+        """Return the best end, its sets weighed, with odds over pairs where they are asked for.
 
         Raises
         ------
@@ -393,11 +394,13 @@ class Attempts(Generic[S, K, R]):
         if not self.ends:
             raise self._failures[0]
         end = best_of(self.ends)
-        if not self._cleaning.settings.pairs:
-            return end
-        kind, held = sigma_of(self._cleaning.strategy), _rows(end.system, end.held)
-        odds = pair_odds(end.system, kind=kind, left_out=held)
-        return replace(end, passes=(*end.passes[:-1], replace(end.findings, pair_odds=odds)))
+        # of the passes before nobody asks how sure their rows are
+        before = (replace(one, weigh=None) for one in end.passes[:-1])
+        found = end.findings.weighed
+        if self._cleaning.settings.pairs:
+            kind, held = sigma_of(self._cleaning.strategy), _rows(end.system, end.held)
+            found = replace(found, pair_odds=pair_odds(end.system, kind=kind, left_out=held))
+        return replace(end, passes=(*before, found))
 
 
 def best_of(ends: Collection[CleaningEnd[S, K, R]]) -> CleaningEnd[S, K, R]:

@@ -73,6 +73,7 @@ class Elimination:
         self._along = np.empty(_ROOM)  # the misclosure along each of them
         self._e = self._e0.copy()
         self._r = self._r0.copy()
+        self._latest: tuple[int, Array] | None = None  # a row that is looked at, then left out
 
     @property
     def _stack(self) -> Array:
@@ -135,12 +136,15 @@ class Elimination:
         return out
 
     def column(self, row: int) -> Array:
-        """Return (n,) the column of R of a row, given S."""
-        column = self.system.columns(np.array([row], dtype=np.intp))[:, 0].copy()
-        if self._rows:
-            column -= self._stack[:, row] @ self._stack
-            column[self._rows] = 0.0
-        return column
+        """Return (n,) the column of R of a row, given S; it cannot be written to."""
+        if self._latest is None or self._latest[0] != row:
+            column = self.system.columns(np.array([row], dtype=np.intp))[:, 0].copy()
+            if self._rows:
+                column -= self._stack[:, row] @ self._stack
+                column[self._rows] = 0.0
+            column.flags.writeable = False
+            self._latest = row, column
+        return self._latest[1]
 
     def correlations(self, row: int) -> Array:
         """Return (n,) correlations of all residuals with that of a row, given S; NaN: no test."""
@@ -173,6 +177,7 @@ class Elimination:
             self._along = np.concatenate((self._along, np.empty(k)))
         self._room[k], self._along[k] = scaled, along
         self._rows.append(row)
+        self._latest = None
         self._e -= scaled * along
         self._r = np.maximum(self._r - scaled * scaled, 0.0)
         self._e[self._rows] = 0.0
@@ -198,6 +203,7 @@ class Elimination:
             stack[k : k + 2] = turn @ stack[k : k + 2]
             along[k : k + 2] = turn @ along[k : k + 2]
         self._rows.pop(at)
+        self._latest = None
         stack, along = stack[:last], along[:last]
         self._e = self._e0 - along @ stack
         self._r = np.maximum(self._r0 - np.einsum("kn,kn->n", stack, stack), 0.0)
@@ -241,14 +247,15 @@ class Elimination:
         inverse /= size
         return Returns(inverse.T @ self._along[:k], inverse.T @ self._stack)
 
-    def given_back(self, back: Array, root: float) -> tuple[Array, Array]:
+    def given_back(self, back: Array, root: Array | float) -> tuple[Array, Array]:
         """Return (n,) w and (n,) r of all rows when one of S comes back, see `Returns`.
 
-        w is NaN in the rest of S and where a row cannot be tested.
+        w is NaN in the rest of S and where a row cannot be tested. Of (m, n) and (m, 1) for m rows,
+        each of which comes back alone, (m, n).
         """
         e, r = self._e + back * root, self._r + back * back
         limit = np.maximum(TESTABLE, _LOST * self._r0 if len(self._rows) > 1 else 0.0)
-        w = np.full(len(e), np.nan)
+        w = np.full(e.shape, np.nan)
         np.divide(e, np.sqrt(r), out=w, where=r >= limit)
         return w, r
 

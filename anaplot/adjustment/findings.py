@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable
-from dataclasses import dataclass
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass, field, replace
 from typing import Generic, Literal, NamedTuple, TypeVar
 
 from anaplot.adjustment.reliability import HARD_TO_TELL
@@ -276,6 +276,8 @@ class Findings:
         Only of "modified".
     remarks
         Sentences: what limited the strategy.
+    weigh
+        What makes the remarks of "odds" anew when sets are weighed as well; None: they are.
     """
 
     strategy: str
@@ -288,6 +290,14 @@ class Findings:
     pair_odds: PairOdds | None = None
     model_values: ModelValues | None = None
     remarks: tuple[str, ...] = ()
+    weigh: Callable[[], tuple[str, ...]] | None = field(default=None, repr=False)
+
+    @property
+    def weighed(self) -> Findings:
+        """The same with all remarks."""
+        if self.weigh is None:
+            return self
+        return replace(self, remarks=self.weigh(), weigh=None)
 
     @property
     def rows(self) -> tuple[int, ...]:

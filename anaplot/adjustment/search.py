@@ -16,7 +16,7 @@ from typing import Literal
 
 import numpy as np
 
-from anaplot.adjustment.elimination import Elimination, NotSeparableError
+from anaplot.adjustment.elimination import Elimination, NotSeparableError, Returns
 from anaplot.adjustment.findings import SearchStep
 from anaplot.adjustment.partners import EQUAL, WEAK, Proposals, likeliest
 from anaplot.adjustment.residualsystem import ResidualSystem
@@ -30,6 +30,7 @@ _Action = Literal["add", "drop", "swap"]
 
 _STARTS = 12
 _MOST_STEPS = 10_000
+_PORTION = 1 << 18  # elements looked at together
 
 
 def search(
@@ -173,7 +174,10 @@ class _Descent:
                 change, best = gain, ("add", add)
         together = self.proposals.together(state)
         returns = state.returns()
-        for row, root, back in zip(state.rows, returns.root.tolist(), returns.back, strict=True):
+        most = self._most_instead(state, returns)
+        for at, (row, root, back) in enumerate(
+            zip(state.rows, returns.root.tolist(), returns.back, strict=True)
+        ):
             own = root * root
             unit = together[row]
             if unit[1:]:
@@ -183,6 +187,8 @@ class _Descent:
                 continue
             if own - cost < change:
                 change, best = own - cost, ("drop", unit)
+            if not most[at] > own - change:
+                continue
             other = self._instead(state, row, root, back, own - change)
             if other is not None:
                 change, best = own - other[1], ("swap", (other[0], row))
@@ -194,6 +200,17 @@ class _Descent:
             return self.critical**2 - float(state.w[rows[0]]) ** 2
         change = self._do(state.copy(), action, rows).statistic
         return 0.0 if change is None else change
+
+    def _most_instead(self, state: Elimination, returns: Returns) -> Array:
+        """Return (k,) the largest w^2 of any row when a row of S comes back, that row included."""
+        out = np.zeros(len(returns.root))
+        step = max(_PORTION // max(returns.back.shape[1], 1), 1)
+        for start in range(0, len(out), step):
+            mine = slice(start, start + step)
+            w, r = state.given_back(returns.back[mine], returns.root[mine, None])
+            size = np.where(self.suspects & (r >= WEAK), w * w, 0.0)
+            out[mine] = np.nanmax(size, axis=1, initial=0.0)
+        return out
 
     def _instead(
         self, state: Elimination, row: int, root: float, back: Array, least: float

@@ -37,7 +37,7 @@ import numpy as np
 
 from anaplot.adjustment.residualsystem import ResidualSystem
 from anaplot.adjustment.watch import Watch
-from anaplot.aliases import Array, Bools
+from anaplot.aliases import Array, Bools, Index
 
 __all__ = ["MostProbableSet", "SetOdds", "most_probable_set", "set_odds"]
 
@@ -58,6 +58,8 @@ _MOST_LEVELS = 12
 _EQUAL = 1e-7  # difference of J that is none
 _MOST_DESCENT = 10_000
 _SETTLING = 0.1  # share of the visits that is not weighed
+_NEGLIGIBLE = 1e-12  # share of the rates that need not be known
+_PORTION = 1 << 18  # exchanges looked at together
 _KEPT = 1_000_000  # rates of sets visited before that are kept for the next visit
 
 
@@ -193,7 +195,7 @@ def set_odds(
     levels = sets.levels_of(found.widths[: len(held)])
     time = np.zeros(len(sets.e))
     total = 0.0
-    known: dict[tuple[tuple[int, ...], tuple[int, ...]], Array] = {}
+    known: dict[tuple[tuple[int, ...], tuple[int, ...]], tuple[Index, Array]] = {}
     room = _KEPT
     seen = Watch() if watch is None else watch
     for step in range(steps):
@@ -201,15 +203,16 @@ def set_odds(
             break
         seen("weighing sets of errors", step / steps)
         key = tuple(held), tuple(levels)
-        rates = known.get(key)
-        if rates is None:
-            change = np.concatenate([part.ravel() for part in sets.neighbours(held, levels)])
+        if key in known:
+            numbers, rates = known[key]
+        else:
+            numbers, change = sets.neighbours(held, levels, sets.negligible(len(held)))
             # Barker's balance of half the change, since J is minus twice a log
             rates = np.cumsum(1.0 / (1.0 + np.exp(np.clip(0.5 * change, -700.0, 700.0))))
             room -= len(change)
             if room > 0:
-                known[key] = rates
-        if not rates[-1] > 1e-300:
+                known[key] = numbers, rates
+        if not len(rates) or not rates[-1] > 1e-300:
             time[held] += 1.0
             total += 1.0
             break
@@ -217,8 +220,8 @@ def set_odds(
             wait = 1.0 / rates[-1]
             time[held] += wait
             total += wait
-        number = int(np.searchsorted(rates, rng.random() * rates[-1], side="right"))
-        sets.jump(held, levels, number)
+        chosen = int(np.searchsorted(rates, rng.random() * rates[-1], side="right"))
+        sets.jump(held, levels, int(numbers[chosen]))
     rows = time / total
     return SetOdds(rows, tuple(np.flatnonzero(rows > 0.5).tolist()))
 
@@ -253,6 +256,13 @@ class _Sets:
         self._price = self._alone - (_USUAL / width) ** 2 * self._shown
         self._cost = 2.0 * (level * log(_WIDER) + (level > 0) * _FIRST_WIDER)
 
+    def negligible(self, held: int) -> float:
+        """By how much J of all neighbours that do not matter together exceeds that of the best.
+
+        Of a set of so many rows.
+        """
+        return 2.0 * log(len(self._g) * (held + 1) * len(self.e) / _NEGLIGIBLE)
+
     def width_of(self, levels: list[int]) -> Array:
         """Return (k,) widths of the levels."""
         return np.asarray(np.sqrt(self._g[levels]), dtype=float)
@@ -281,14 +291,29 @@ class _Sets:
         value = np.linalg.slogdet(block)[1] + np.log(g).sum() - e @ np.linalg.solve(block, e)
         return float(value + self._cost[levels].sum() + self._price[held].sum())
 
-    def neighbours(self, held: list[int], levels: list[int]) -> tuple[Array, Array, Array]:
-        """Return the changes of J: (l, n) a row more, (k,) one less, (l, k, n) one for another.
+    def neighbours(self, held: list[int], levels: list[int], beyond: float) -> tuple[Index, Array]:
+        """Return the neighbours of a set that matter, and their changes of J.
 
-        l is the number of widths an error may have; a row exchanged for itself changes its width.
+        Parameters
+        ----------
+        held, levels
+            The set.
+        beyond
+            By how much a change may exceed the least one, or zero, and still matter.
+
+        Returns
+        -------
+        (m,) arrays
+            Numbers of the neighbours, ascending: level by level the rows one of which is more, then
+            those one of which is less, then level by level the rows one of which goes for another,
+            row by row what goes in its place; a row exchanged for itself changes its width. And the
+            changes of J, among them all that are small enough to matter.
         """
         n, k, g = len(self.e), len(held), self._g
-        e, r = self.e, self._r
-        less, instead = np.zeros(0), np.zeros((len(g), 0, n))
+        level = np.arange(len(g))[:, None]
+        free = ~self._barred
+        free[held] = False
+        e, r, less = self.e, self._r, np.zeros(0)
         if k:
             own = g[levels]
             part = np.ascontiguousarray(self._system.columns(np.array(held)).T)
@@ -300,24 +325,82 @@ class _Sets:
             d = np.diag(inverse)
             back = z / d
             less = back * z + np.log(d / own) - self._cost[levels] - self._price[held]
-            r_then = r + by * by / d[:, None]
-            e_then = np.square(e + by * back[:, None])
-            grown = 1.0 + g[:, None, None] * r_then
-            instead = np.log(grown) - e_then * (g[:, None, None] / grown)
-            instead += self._cost[:, None, None] + self._price + less[:, None]
-            at = np.arange(k)
-            stays = instead[:, at, held]
-            instead[:, :, held] = np.inf
-            instead[:, :, self._barred] = np.inf
-            stays[levels, at] = np.inf
-            instead[:, at, held] = stays
-        more = np.full((len(g), n), np.inf)
-        if k < self.most:
-            grown = 1.0 + g[:, None] * r
-            more = np.log(grown) - e * e * (g[:, None] / grown) + self._cost[:, None] + self._price
-            more[:, held] = np.inf
-            more[:, self._barred] = np.inf
-        return more, less, instead
+        numbers, changes = [], []
+        least = float(less.min(initial=np.inf))
+        if k < self.most and free.any():
+            square = e * e
+            bound = np.where(free, self._least_change(square, r, slice(None)), np.inf)
+            first = int(np.argmin(bound))
+            least = min(least, float(self._changes(square[first], r[first], first).min()))
+            rows = np.flatnonzero(free & (bound <= max(least, 0.0) + beyond))
+            numbers.append((level * n + rows).ravel())
+            changes.append(self._changes(square[rows], r[rows], rows).ravel())
+        numbers.append(len(g) * n + np.arange(k))
+        changes.append(less)
+        if k:
+            at, rows, square, then = self._exchanges(
+                (by, d, back, less), e, r, free, max(least, 0.0) + beyond
+            )
+            numbers.append((len(g) * n + k + (level * k + at) * n + rows).ravel())
+            changes.append((self._changes(square, then, rows) + less[at]).ravel())
+            # itself with another width
+            at, rows = np.arange(k), np.array(held)
+            own_by = by[at, rows]
+            then = r[rows] + own_by * own_by / d
+            square = np.square(e[rows] + own_by * back)
+            other = level != np.array(levels)
+            numbers.append((len(g) * n + k + (level * k + at) * n + rows)[other])
+            changes.append((self._changes(square, then, rows) + less)[other])
+        number, change = np.concatenate(numbers), np.concatenate(changes)
+        order = np.argsort(number)
+        return number[order], change[order]
+
+    def _changes(self, square: Array | float, r: Array | float, rows: Index | int) -> Array:
+        """(l, m) what rows of squared e and of r given S change by going out, by their levels."""
+        g, cost = self._g[:, None], self._cost[:, None]
+        grown = 1.0 + g * r
+        return np.asarray(np.log(grown) - square * (g / grown) + cost + self._price[rows])
+
+    def _least_change(self, square: Array, r: Array, rows: slice) -> Array:
+        """Less than any of `_changes`: of the largest width at the cost of the smallest."""
+        widest = float(self._g[-1])
+        return np.asarray(self._price[rows] - square * (widest / (1.0 + widest * r)))
+
+    def _exchanges(
+        self,
+        returns: tuple[Array, Array, Array, Array],
+        e: Array,
+        r: Array,
+        free: Bools,
+        most: float,
+    ) -> tuple[Index, Index, Array, Array]:
+        """Return (m,) places in S, rows instead, squared e and r of these when the former is back.
+
+        Of those whose change can be at most `most`.
+
+        Parameters
+        ----------
+        returns
+            (k, n) and (k,) what the rows of S do by coming back: R_SS^-1 R[S, :], the diagonal of
+            R_SS^-1, errors by that diagonal, changes of J.
+        e, r, free
+            (n,) given S, and which rows may go instead.
+        most
+            The largest change that matters.
+        """
+        by, d, back, less = returns
+        found = []
+        step = max(_PORTION // len(d), 1)
+        for start in range(0, len(e), step):
+            mine = slice(start, start + step)
+            part = by[:, mine]
+            square = np.square(e[mine] + part * back[:, None])
+            then = r[mine] + part * part / d[:, None]
+            bound = self._least_change(square, then, mine) + less[:, None]
+            at, rows = np.nonzero((bound <= most) & free[mine])
+            found.append((at, start + rows, square[at, rows], then[at, rows]))
+        at, rows, square, then = (np.concatenate(parts) for parts in zip(*found, strict=True))
+        return at, rows, square, then
 
     def jump(self, held: list[int], levels: list[int], number: int) -> None:
         """Turn the set into one of its neighbours."""
@@ -340,9 +423,9 @@ class _Sets:
         for _ in range(_MOST_DESCENT):
             if watch.stopped:
                 break
-            change = np.concatenate([part.ravel() for part in self.neighbours(held, levels)])
-            least = float(change.min())
+            numbers, change = self.neighbours(held, levels, _EQUAL)
+            least = float(change.min(initial=np.inf))
             if least > -_EQUAL:
                 break
-            self.jump(held, levels, int(np.argmax(change <= least + _EQUAL)))
+            self.jump(held, levels, int(numbers[np.argmax(change <= least + _EQUAL)]))
         return held, levels

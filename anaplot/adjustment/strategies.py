@@ -106,6 +106,7 @@ def find_gross_errors(
     left_out: Collection[int] = (),
     measured: int | None = None,
     watch: Watch | None = None,
+    weigh: bool = True,
 ) -> Findings:
     """Search for gross errors in an adjustment.
 
@@ -130,6 +131,8 @@ def find_gross_errors(
         How many rows, the first ones, "rms" takes its root mean square and n - u of; None: all.
     watch
         Told how far it is; where it asks for the end, the best so far is returned.
+    weigh
+        Whether "odds" says how many of its rows are sure, or leaves that to `Findings.weighed`.
 
     Raises
     ------
@@ -147,6 +150,7 @@ def find_gross_errors(
     if used.pairs and n > MOST_ROWS_OF_PAIRS:
         raise ValueError(f"odds over pairs of {n} rows: at most {MOST_ROWS_OF_PAIRS}")
     task = _Task.of(system, used, suspects, watch)
+    weighed: _Weighed | None = None
     if strategy == "l1":
         end = _by_least_absolute(task)
     elif strategy == "search":
@@ -157,10 +161,6 @@ def find_gross_errors(
         end = _End(*found, start.remarks)
     elif strategy == "odds":
         end, weighed = _by_odds(task)
-        if end.state.rows:
-            sure = len(set(weighed.sure()).intersection(end.state.rows))
-            said = f"more probably in error than not: {sure} of {len(end.state.rows)}"
-            end = end._replace(remarks=(*end.remarks, said))
     elif strategy in ("huber", "danish"):
         end = _robust(task, "huber" if strategy == "huber" else "danish")
     elif strategy == "modified":
@@ -171,12 +171,19 @@ def find_gross_errors(
     else:
         rule = rule_of(strategy, used.alpha, measured)
         end = _End(*task.stepwise(rule, together=strategy == "rms"))
-    return _findings(
-        end._replace(remarks=(*end.remarks, *task.limited(end.state, used.most))),
-        strategy,
-        used,
-        remaining(n, left_out),
-    )
+    limited = task.limited(end.state, used.most)
+    rows = remaining(n, left_out)
+    findings = _findings(end._replace(remarks=(*end.remarks, *limited)), strategy, used, rows)
+    if weighed is None or not findings.rows:
+        return findings
+
+    def with_sure() -> tuple[str, ...]:
+        sure = len(set(weighed.sure()).intersection(findings.rows))
+        said = f"more probably in error than not: {sure} of {len(findings.rows)}"
+        return (*end.remarks, said, *limited)
+
+    postponed = replace(findings, weigh=with_sure)
+    return postponed.weighed if weigh else postponed
 
 
 def findings_at(
@@ -214,7 +221,8 @@ def findings_at(
         findings.model_values,
     )
     used = SearchSettings() if settings is None else settings
-    return _findings(there, findings.strategy, used, remaining(len(system.e), left_out))
+    found = _findings(there, findings.strategy, used, remaining(len(system.e), left_out))
+    return replace(found, weigh=findings.weigh)
 
 
 def most_probable_rows(

@@ -8,6 +8,7 @@ from math import log
 import numpy as np
 import pytest
 
+from anaplot.adjustment import setodds
 from anaplot.adjustment.residualsystem import DenseResiduals
 from anaplot.adjustment.setodds import WIDTHS, most_probable_set, set_odds
 from anaplot.adjustment.strategies import find_gross_errors
@@ -136,3 +137,51 @@ def test_the_same_answer_every_time_and_limits() -> None:
     assert len(most_probable_set(of, CRITICAL, most=1).rows) == 1
     with pytest.raises(ValueError, match="jumps"):
         set_odds(of, CRITICAL, found, steps=0)
+
+
+@pytest.mark.parametrize(("errors", "wide"), [({2: 9.0, 7: -12.0}, 2), ({2: 90.0, 8: 2000.0}, 4)])
+def test_neighbours_change_the_objective_by_what_is_said(
+    errors: dict[int, float], wide: int
+) -> None:
+    of = system(errors, n=9, u=3)
+    sets = setodds._Sets(of, CRITICAL, np.arange(9) != 4, 3)
+    sets.take(2.0)
+    assert max(sets.levels_of(np.array([1e9]))) == wide - 1
+    for held, levels in (([], []), ([7], [0]), ([7, 2], [0, 1]), ([2, 7, 0], [1, 0, 0])):
+        here = sets.objective(held, levels)
+        numbers, change = sets.neighbours(held, levels, np.inf)
+        assert (np.diff(numbers) > 0).all()
+        free = 8 - len(held)
+        more = wide * free if len(held) < 3 else 0
+        exchanged = len(held) * (wide * free + wide - 1)
+        assert len(numbers) == more + len(held) + exchanged
+        for number, said in zip(numbers.tolist(), change.tolist(), strict=True):
+            rows, own = list(held), list(levels)
+            sets.jump(rows, own, number)
+            assert 4 not in rows
+            assert len(set(rows)) == len(rows)
+            assert sets.objective(rows, own) - here == pytest.approx(said, rel=1e-6, abs=1e-6)
+        for beyond in (1e-7, 5.0, 40.0):
+            some, of_some = sets.neighbours(held, levels, beyond)
+            matter = change <= max(change.min(), 0.0) + beyond
+            assert set(numbers[matter].tolist()) <= set(some.tolist())
+            at = np.searchsorted(numbers, some)
+            np.testing.assert_allclose(of_some, change[at], rtol=1e-12, atol=1e-12)
+
+
+def test_what_does_not_matter_is_not_missed(monkeypatch: pytest.MonkeyPatch) -> None:
+    of = system({3: 12.0, 11: -300.0}, n=40, u=12)
+    found = most_probable_set(of, CRITICAL)
+    few = set_odds(of, CRITICAL, found)
+    monkeypatch.setattr(setodds, "_NEGLIGIBLE", 1e-300)
+    every = set_odds(of, CRITICAL, found)
+    np.testing.assert_allclose(few.rows, every.rows, rtol=1e-9)
+
+
+def test_sets_are_weighed_when_it_is_asked_for() -> None:
+    of = system({3: 12.0, 11: -30.0}, n=40, u=12)
+    whole, postponed = (find_gross_errors(of, "odds", weigh=now) for now in (True, False))
+    assert any("more probably in error than not: 2 of 2" in one for one in whole.remarks)
+    assert not any("more probably" in one for one in postponed.remarks)
+    assert postponed.weighed.remarks == whole.remarks
+    assert whole.weighed is whole
