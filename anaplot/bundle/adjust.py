@@ -38,6 +38,7 @@ from anaplot.bundle.start.robust import (
     robust_suspects,
 )
 from anaplot.bundle.start.settling import settled
+from anaplot.bundle.start.stated import led_from_stated, stated_remarks
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import Block
 
@@ -277,7 +278,7 @@ def _searched(
     def robust(at: BlockState, structure: Structure) -> RobustState | None:
         nonlocal closest
         try:
-            solution = robust_state(problem, structure, at)
+            solution = robust_state(problem, structure, at, progress=progress)
         except (NotComputableError, np.linalg.LinAlgError):
             return None
         if closest is None or solution.off < closest.solution.off:
@@ -301,11 +302,15 @@ def _searched(
             continue
         # what is not determined is so from every start
         check_datum(problem, start, linearise(problem, start))
-        wait = bool(ways) and doubtful(problem, start)
+        unsure = doubtful(problem, start)
+        if unsure and closest is not None and closest.solution.agrees(problem):
+            # what misses by far cannot fit better
+            continue
+        wait = bool(ways)
         found = minimum(start, structure, _TRIES if wait else None)
         if found is not None and _fits(problem, found):
             break
-        if found is None and wait:
+        if found is None and wait and unsure:
             waiting.append(start)
             continue
         # no gross error is looked for where a lens that is unknown yet bends everything
@@ -314,7 +319,18 @@ def _searched(
             return found, None, by_lens
         # the start hangs less on the last digits than where a search among gross errors ended
         solution = robust(start, structure)
-        if found is not None and not (solution and solution.explains(len(problem.photo))):
+        if (
+            found is not None
+            and solution is not None
+            and solution.control_off == 0
+            and led_from_stated(problem, start, found.state)
+        ):
+            # two witnesses for the orientations: what does not fit, does so for another reason
+            break
+        if wait and not (solution is not None and solution.agrees(problem)):
+            waiting.append(start)
+            continue
+        if found is not None and not (solution and solution.explains(problem)):
             other = robust(found.state, structure)
             if solution is None or (other is not None and other.off < solution.off):
                 solution = other
@@ -323,9 +339,7 @@ def _searched(
             if found is not None and _fits(problem, found):
                 break
         if problem.datum == "control" and (
-            solution is None
-            or solution.control_off > 0
-            or not solution.explains(len(problem.photo))
+            solution is None or solution.control_off > 0 or not solution.explains(problem)
         ):
             laid = _from_free_network(problem, start, progress)
             if laid is not None:
@@ -338,7 +352,7 @@ def _searched(
                 if found is not None and _fits(problem, found):
                     break
         # gross errors explain it: other ways lead to the same, unless this one missed the ground
-        explained = solution is not None and solution.explains(len(problem.photo))
+        explained = solution is not None and solution.explains(problem)
         missed = best is None and solution is not None and solution.control_off > 0
         if explained and not missed:
             break
@@ -418,7 +432,7 @@ def _fits(problem: Problem, found: Minimum) -> bool:
 
 def _led_there(problem: Problem, solution: RobustState, found: Minimum | None) -> bool:
     """Whether a minimum is the one that a robust solution with a few gross errors leads to."""
-    if found is None or not solution.explains(len(problem.photo)):
+    if found is None or not solution.explains(problem):
         return False
     return found.convergence.last <= objective(problem, solution.state)[0]
 
@@ -543,6 +557,7 @@ def _warnings(
             f"point {problem.points[problem.point[k]]} lies behind photo "
             f"{problem.photos[problem.photo[k]]}: remeasure it"
         )
+    out += stated_remarks(problem, found.state)
     if problem.redundancy == 0:
         out.append("no redundancy: nothing is checked")
     if sigma0 is not None and sigma0 > _TORN:

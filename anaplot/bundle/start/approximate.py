@@ -42,8 +42,10 @@ SEARCHES = BRIDGING, _PAIRS, _PHOTOS
 Way = Callable[[Progress | None], BlockState | None]
 
 _BELIEVED = 0.05  # share of c by which approximate orientations may miss, in the median
+_STATED = 0.15  # the same, where all are stated and a few steps tell whether it leads anywhere
 _DOUBTFUL = 0.02  # the same, from which a start often leads nowhere
 _GROWN = 4.0  # sigmas by which rays of a block grown from a good seed miss, in the median
+_DRIFT = 0.001  # share of c that they may miss by more than that: errors add up along a chain
 
 
 def approximate_ways(problem: Problem) -> list[Way]:
@@ -58,7 +60,7 @@ def approximate_ways(problem: Problem) -> list[Way]:
     rays, by_photo = unit_rays(problem), rays_of_photos(problem)
 
     def stated(progress: Progress | None) -> BlockState | None:
-        given = _given(problem, rays)
+        given = _given(problem, rays, _STATED)
         if given is None or not given.oriented.all():
             return None
         return state_of(problem, _completed(problem, given, rays))
@@ -73,7 +75,7 @@ def approximate_ways(problem: Problem) -> list[Way]:
         return _joined(problem, rays, by_photo, free, progress, others=False)
 
     def level(progress: Progress | None) -> BlockState | None:
-        subblock = vertical_subblock(problem)
+        subblock = vertical_subblock(problem, progress)
         if subblock is None:
             return None
         state = state_of(problem, subblock)
@@ -256,8 +258,8 @@ def state_of(problem: Problem, subblock: SubBlock) -> BlockState:
     )
 
 
-def _given(problem: Problem, rays: Array) -> SubBlock | None:
-    """Photos whose orientation the block states, when their rays meet."""
+def _given(problem: Problem, rays: Array, reach: float = _BELIEVED) -> SubBlock | None:
+    """Photos whose orientation the block states, when their rays meet within a share of c."""
     stated = np.isfinite(problem.position[:, 0]) & np.isfinite(problem.rotation[:, 0])
     if not stated.any():
         return None
@@ -268,7 +270,7 @@ def _given(problem: Problem, rays: Array) -> SubBlock | None:
     known = np.isfinite(problem.near).all(axis=1)
     subblock.points[known] = problem.near[known]
     subblock.place(problem, rays)
-    return None if _misses(problem, subblock) > _BELIEVED else subblock
+    return None if _misses(problem, subblock) > reach else subblock
 
 
 def _from_control(problem: Problem, by_photo: list[Index]) -> SubBlock:
@@ -286,7 +288,7 @@ def _seed_pairs(
     """Start from a pair of photos in any attitude, the one from which most photos follow."""
     sets = [set(problem.point[index].tolist()) for index in by_photo]
     n = int(sum(len(index) > 0 for index in by_photo))
-    fits = _GROWN * float(np.median(problem.sigma))
+    fits = max(_GROWN * float(np.median(problem.sigma)), _DRIFT * float(np.median(problem.c)))
     candidates = _most_in_common(problem, by_photo)
     best: SubBlock | None = None
     best_score = (-1, 0.0)
@@ -309,8 +311,11 @@ def _seed_pairs(
             score = (int(subblock.oriented.sum()), -error)
             if score > best_score:
                 best, best_score = subblock, score
-            if best_score[0] == n and -best_score[1] < fits:
+            if error < fits and score[0] == n:
                 return [subblock]
+            if error < fits and 2 * score[0] > n:
+                # this is how the pair is oriented: what it does not reach, another may
+                break
         if best is not None and best_score[0] == n and count >= 1:
             break
     return [] if best is None else [best]
@@ -345,7 +350,7 @@ def _spread(
             progress(_PHOTOS, float(subblock.oriented.mean()))
         added = 0
         for fewest in (6, 5, 4):
-            added = subblock.add_photos(problem, by_photo, fewest, tried=tried)
+            added = subblock.add_photos(problem, by_photo, fewest, tried=tried, progress=progress)
             if added:
                 break
         placed = subblock.place(problem, rays)

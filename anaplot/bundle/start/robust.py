@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from anaplot.aliases import Array, Bools
+from anaplot.aliases import Array, Bools, Progress
 from anaplot.bundle.solve.datum import anchor
 from anaplot.bundle.solve.factor import NotPositiveError
 from anaplot.bundle.solve.gaussnewton import NoConvergenceError, damped_step
@@ -37,6 +37,11 @@ _ROBUST = 1e-4  # of n: squared change of the whitened residuals where robust st
 _STEPS = 12
 _AGREED = "where most measurements agree, sigma0 is"
 _RESECTED = 30  # photos that are resected at most when a culprit is looked for
+_OFF = 20.0  # sigmas by which a ray or control is off
+_FEW = 200  # rays of which one may be off in any case
+_SCATTERED = 0.05  # of the redundancy: coordinates that may be off, as long as no photo has more
+_OF_A_PHOTO = 0.25  # than this share of its rays off
+_AGREE = 0.1  # of the redundancy: coordinates that may be off where all others agree
 _FAR = 10.0  # times what measurements are off in the median: so far off is a suspect
 
 
@@ -273,16 +278,33 @@ class RobustState(NamedTuple):
         Median misfit of the rays [mm].
     rays_off, control_off
         How many rays and control points are off by more than 20 times what is expected.
+    most_off
+        The largest share of a photo's rays that are off.
     """
 
     state: BlockState
     misfit: float
     rays_off: int
     control_off: int
+    most_off: float
 
-    def explains(self, rays: int) -> bool:
-        """Whether all but a few of the rays fit: what is off is wrong, not the orientations."""
-        return self.rays_off <= max(1, rays // 200)
+    def explains(self, problem: Problem) -> bool:
+        """Whether all but a few of the rays fit: what is off is wrong, not the orientations.
+
+        Few is one of two hundred. Where other rays tell against them there may be more, scattered
+        over the photos: of a photo that is oriented wrongly most rays are off.
+        """
+        if self.rays_off <= max(1, len(problem.photo) // _FEW):
+            return True
+        return self.most_off <= _OF_A_PHOTO and self._told_by_others(problem, _SCATTERED)
+
+    def agrees(self, problem: Problem) -> bool:
+        """Whether nearly all rays fit, wherever the others are."""
+        return self._told_by_others(problem, _AGREE)
+
+    def _told_by_others(self, problem: Problem, share: float) -> bool:
+        """Whether coordinates that are off are at most a share of the redundancy."""
+        return 2 * self.rays_off <= share * problem.redundancy
 
     @property
     def off(self) -> tuple[int, int]:
@@ -290,21 +312,29 @@ class RobustState(NamedTuple):
         return self.rays_off, self.control_off
 
 
-def robust_state(problem: Problem, structure: Structure, start: BlockState) -> RobustState:
+def robust_state(
+    problem: Problem,
+    structure: Structure,
+    start: BlockState,
+    *,
+    progress: Progress | None = None,
+) -> RobustState:
     """Return the state after some steps of a robust adjustment.
 
     The sigma of every ray, control point and prior grows with its residual (Cauchy's weight
     function), so that gross errors lose their pull. The steps are damped; control free of error is
     weighted here, for it may be what is wrong.
     """
-    state, held, least = _robust(problem, structure, start)
+    state, held, least = _robust(problem, structure, start, progress)
     image, control, *_ = _misfits(problem, held, state)
-    off = control > 20.0 * np.nan_to_num(np.nanmax(np.where(held, least, 0.0), axis=1))
+    off = control > _OFF * np.nan_to_num(np.nanmax(np.where(held, least, 0.0), axis=1))
+    rays_off = image > _OFF * problem.sigma
     return RobustState(
         _with_fixed(problem, state),
         float(np.median(image)),
-        _off(problem, image),
+        int(rays_off.sum()),
         int((off & held.any(axis=1)).sum()),
+        float(np.max(np.bincount(problem.photo, rays_off) / np.bincount(problem.photo))),
     )
 
 
@@ -316,11 +346,14 @@ def _with_fixed(problem: Problem, state: BlockState) -> BlockState:
 
 def _off(problem: Problem, image: Array) -> int:
     """Count the rays that are off by more than 20 times their sigma."""
-    return int((image > 20.0 * problem.sigma).sum())
+    return int((image > _OFF * problem.sigma).sum())
 
 
 def _robust(
-    problem: Problem, structure: Structure, start: BlockState
+    problem: Problem,
+    structure: Structure,
+    start: BlockState,
+    progress: Progress | None = None,
 ) -> tuple[BlockState, Bools, Array]:
     """Robust steps; also which coordinates are control, and its smallest sigmas [m]."""
     held = problem.fixed | np.isfinite(problem.known_sigma)
@@ -337,7 +370,9 @@ def _robust(
     tie = anchor(problem, state) if problem.defect else None
     weights = None if tie is None else tie.weights
     damping = 1e-3
-    for _ in range(_STEPS):
+    for done in range(_STEPS):
+        if progress is not None:
+            progress("robust solution", done / _STEPS)
         misfits = _misfits(problem, held, state)
         scale = misfits.ray_scale(problem)
         soft = replace(soft, sigma=scale * np.sqrt(1.0 + (misfits.image / scale) ** 2))
@@ -389,7 +424,9 @@ def reoriented(problem: Problem, start: BlockState) -> BlockState:
             # points as the other photos alone place them
             others = SubBlock(subblock.centres.copy(), subblock.rotations, subblock.points.copy())
             others.centres[photo] = np.nan
-            seen = intersect_rays(problem, others, rays)[problem.point[mine]]
+            its = np.zeros(len(problem.points), dtype=bool)
+            its[problem.point[mine]] = True
+            seen = intersect_rays(problem, others, rays, its)[problem.point[mine]]
             good = np.isfinite(seen[:, 0])
             c = float(problem.c[photo])
             found = resect(problem.ideal[mine[good]], c, seen[good])

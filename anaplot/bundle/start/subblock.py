@@ -6,14 +6,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from anaplot.aliases import Array, Bools, Index
+from anaplot.aliases import Array, Bools, Index, Progress
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.start.resection import resect
 from anaplot.photogrammetry.collinearity import project, turns
 from anaplot.photogrammetry.similarity import Similarity, fit_similarity, line_of, robust_similarity
 
-__all__ = ["SubBlock", "intersect_rays", "rays_of_photos", "unit_rays"]
+__all__ = ["RESECTING", "SubBlock", "intersect_rays", "rays_of_photos", "unit_rays"]
 
+
+RESECTING = "resecting photos"
+"""What is said of the progress of resections."""
 
 _ALONG = 0.01  # share of the extent within which points on a line coincide
 _ROUNDS = 6  # of weights when rays are intersected
@@ -80,12 +83,14 @@ class SubBlock:
         *,
         but: Bools | None = None,
         tried: dict[int, tuple[int, int]] | None = None,
+        progress: Progress | None = None,
     ) -> int:
         """Orient photos to points of the sub-block, those with most points first; returns how many.
 
         A photo is taken when most of its points agree within 2 % of the camera constant; none of
         (photos,) `but` is. What `tried` remembers of photos that were not taken - how many points
-        they saw, and how many of these agreed - is not computed again.
+        they saw, and how many of these agreed - is not computed again. `progress` is called with
+        what is being done and the share of the photos that are oriented.
         """
         tried = {} if tried is None else tried
         added = 0
@@ -107,6 +112,8 @@ class SubBlock:
             before = tried.get(photo)
             if before is not None and before[0] == len(names) and before[1] < enough:
                 continue
+            if progress is not None:
+                progress(RESECTING, (int(passed.sum()) + added) / len(counts))
             found = resect(problem.ideal[rays[first]], c, self.points[names])
             agree = 0 if found is None else int((found.residual < 0.02 * c).sum())
             if found is None or agree < enough:

@@ -9,6 +9,7 @@ Relief and tilts of a few degrees are errors of a few millimetres that the bundl
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +17,7 @@ from scipy import sparse
 from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
 from scipy.sparse.linalg import MatrixRankWarning, spsolve
 
-from anaplot.aliases import Array, Complex, Index
+from anaplot.aliases import Array, Complex, Index, Progress
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.start.subblock import SubBlock
 from anaplot.photogrammetry.rotation import rotation_matrix
@@ -27,6 +28,7 @@ __all__ = ["vertical_subblock"]
 _NEIGHBOURS = 10  # pairs of each photo, those with most common points
 _LEVEL = 0.12  # of c: median misfit of two photos above which they are not level
 _ROUNDS = 8
+_OF_EDGES, _OF_PLACES = 0.25, 0.15  # of the work: pairs of photos, and their first places
 _HOLD = 1e-3  # weight that keeps the factor of a photo
 _TRIALS = 60
 _PAIRED = 48  # points that are paired with each other at most
@@ -50,7 +52,7 @@ class _Rays(NamedTuple):
     w: Complex
 
 
-def vertical_subblock(problem: Problem) -> SubBlock | None:
+def vertical_subblock(problem: Problem, progress: Progress | None = None) -> SubBlock | None:
     """Orient all photos as vertical ones.
 
     With the datum "control", in the ground system as far as control in plan and stated positions
@@ -60,14 +62,22 @@ def vertical_subblock(problem: Problem) -> SubBlock | None:
     ----------
     problem
         The bundle.
+    progress
+        Called with what is being done and the fraction of it.
 
     Returns
     -------
-    Cluster or None
+    SubBlock or None
         None when the photos are not images of level ground seen from above.
     """
+
+    def say(share: float) -> None:
+        if progress is not None:
+            progress("laying photos level", share)
+
+    say(0.0)
     rays = _rays(problem)
-    edges = _edges(problem, rays)
+    edges = _edges(problem, rays, say)
     if not edges:
         return None
     if float(np.median([edge.misfit for edge in edges])) > _LEVEL * float(np.median(problem.c)):
@@ -76,9 +86,9 @@ def vertical_subblock(problem: Problem) -> SubBlock | None:
     # photos of different cameras differ in scale by their c at equal heights: that is in alpha
     alpha, part = _synchronised(n, edges)
     plan, heights = _control_in_plan(problem)
-    tau, z = _positions(rays, alpha, len(problem.points))
+    tau, z = _positions(rays, alpha, len(problem.points), say)
     if problem.datum == "control" and int(np.isfinite(plan).sum()) >= 2:
-        alpha, tau, z = _onto_control(rays, alpha, tau, z, part, plan)
+        alpha, tau, z = _onto_control(rays, alpha, tau, z, part, plan, say)
     return _subblock(problem, alpha, tau, z, heights)
 
 
@@ -92,7 +102,7 @@ def _rays(problem: Problem) -> _Rays:
     return _Rays(key // p, key % p, w / count)
 
 
-def _edges(problem: Problem, rays: _Rays) -> list[_Edge]:
+def _edges(problem: Problem, rays: _Rays, say: Callable[[float], None]) -> list[_Edge]:
     """Similarities between the photos that have most points in common."""
     n, p = len(problem.photos), len(problem.points)
     seen = sparse.csr_matrix((np.ones(len(rays.w)), (rays.photo, rays.point)), shape=(n, p))
@@ -110,7 +120,8 @@ def _edges(problem: Problem, rays: _Rays) -> list[_Edge]:
             wanted.add((min(k, int(column[at])), max(k, int(column[at]))))
     ends = np.searchsorted(rays.photo, np.arange(n + 1))
     found = []
-    for i, j in sorted(wanted):
+    for done, (i, j) in enumerate(sorted(wanted)):
+        say(_OF_EDGES * done / len(wanted))
         a, b = slice(ends[i], ends[i + 1]), slice(ends[j], ends[j + 1])
         _, at_i, at_j = np.intersect1d(
             rays.point[a], rays.point[b], assume_unique=True, return_indices=True
@@ -256,7 +267,9 @@ def _solved(matrix: sparse.csc_matrix, right: Complex, photos: int) -> Complex:
     return np.concatenate((first, np.nan_to_num(last)))
 
 
-def _positions(rays: _Rays, alpha: Complex, points: int) -> tuple[Complex, Complex]:
+def _positions(
+    rays: _Rays, alpha: Complex, points: int, say: Callable[[float], None]
+) -> tuple[Complex, Complex]:
     """Shifts of the photos and points in plan from all rays; alpha is given."""
     n = len(alpha)
     m = len(rays.w)
@@ -270,7 +283,8 @@ def _positions(rays: _Rays, alpha: Complex, points: int) -> tuple[Complex, Compl
     i, j = rays.photo, n + rays.point
     x = np.zeros(n + points, dtype=np.complex128)
     weight = np.ones(m)
-    for _ in range(_ROUNDS):
+    for done in range(_ROUNDS):
+        say(_OF_EDGES + _OF_PLACES * done / _ROUNDS)
         off = away - (x[j] - x[i])
         x = x + _laplace(n + points, i, j, weight, off, hold, photos=n)
         size = np.abs(away - (x[j] - x[i]))
@@ -288,7 +302,13 @@ def _control_in_plan(problem: Problem) -> tuple[Complex, Array]:
 
 
 def _onto_control(
-    rays: _Rays, alpha: Complex, tau: Complex, z: Complex, part: Index, plan: Complex
+    rays: _Rays,
+    alpha: Complex,
+    tau: Complex,
+    z: Complex,
+    part: Index,
+    plan: Complex,
+    say: Callable[[float], None],
 ) -> tuple[Complex, Complex, Complex]:
     """Lay every part onto control in plan, then adjust all factors, shifts and points together."""
     n, p = len(alpha), len(z)
@@ -346,7 +366,7 @@ def _onto_control(
         alpha[photos] *= typical
         tau[photos] = typical * (tau[photos] - tau[photos].mean()) + middle
     z = np.where(np.isfinite(ground), ground, middle)
-    return _together(rays, alpha, tau, z, plan, middle, n, p)
+    return _together(rays, alpha, tau, z, plan, middle, n, p, say)
 
 
 def _together(
@@ -358,6 +378,7 @@ def _together(
     middle: complex,
     n: int,
     p: int,
+    say: Callable[[float], None],
 ) -> tuple[Complex, Complex, Complex]:
     """Least squares of w = (z - tau) / alpha over all rays and control, with Cauchy's weights.
 
@@ -377,7 +398,9 @@ def _together(
     rows = np.concatenate((np.tile(np.arange(m), 3), np.arange(m, count + n)))
     column = np.where(of_photo, n + known - p, 2 * n + known)
     columns = np.concatenate((photo, n + photo, 2 * n + point, column, np.arange(n)))
-    for _ in range(_ROUNDS):
+    for done in range(_ROUNDS):
+        before = _OF_EDGES + _OF_PLACES
+        say(before + (1.0 - before) * done / _ROUNDS)
         seen = turn[photo] * z[point] + shift[photo]
         stated = np.where(of_photo, known - p, 0)
         station = np.where(of_photo, goal * turn[stated] + shift[stated], 0.0)
