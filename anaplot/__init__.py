@@ -8,6 +8,7 @@ The library, each name loaded when it is first used (docs/library.md):
 - `orient`: one model, from arrays
 - `block_report`, `write_report`: what `adjust` has returned, as a page
 - `plan.pattern`, `plan.block`, `plan.network`, `simulate`: the same for what is not yet measured
+- `each`: one of these for many blocks, on processes, a cluster or any executor
 - `replay`: a recorded session through the same code
 - `load_profile`, `Decoder`: an instrument's profile, and the readings in its bytes
 
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from anaplot.report.bridgecommand import bridge, orient
     from anaplot.report.comparecommand import compare
     from anaplot.report.computed import Computed
+    from anaplot.report.eachblock import each
     from anaplot.report.html.write import write_report
     from anaplot.report.replaycommand import replay
     from anaplot.report.reportcommand import block_report
@@ -52,6 +54,7 @@ __all__ = [
     "block_report",
     "bridge",
     "compare",
+    "each",
     "find_gross_errors",
     "load_profile",
     "orient",
@@ -74,6 +77,7 @@ _HOMES = {
     "anaplot.report.bridgecommand": ("bridge", "orient"),
     "anaplot.report.comparecommand": ("compare",),
     "anaplot.report.computed": ("Computed",),
+    "anaplot.report.eachblock": ("each",),
     "anaplot.report.html.write": ("write_report",),
     "anaplot.report.replaycommand": ("replay",),
     "anaplot.report.reportcommand": ("block_report",),

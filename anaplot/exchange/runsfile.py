@@ -1,29 +1,24 @@
 """The file in which a simulation keeps the chunks that are done: JSON, one line each.
 
-The first line says what is simulated, every other one holds the sums of a chunk. A line that was
-torn off by a crash is cut; a line that is damaged in another way, or holds sums that the simulation
-cannot have, is refused by its number. A file that does not begin with the first line of this
-simulation, or a part of it, is left as it is.
+The first line says what is simulated, every other one holds the sums of a chunk; sums that the
+simulation cannot have are refused by the number of their line.
 """
 
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from anaplot.errors import InputError
-from anaplot.textfiles.inputfile import read_bytes
+from anaplot.exchange.keptlines import KeptLines
 from anaplot.textfiles.kinds import Items, Keys, ListOf, Number, Text, Whole, WrongValueError
-from anaplot.textfiles.wording import place, plain, quoted, reason
+from anaplot.textfiles.wording import plain, quoted
 
 __all__ = ["RUNS_FORMAT", "KeptChunk", "KeptSums", "RunsFile"]
 
 RUNS_FORMAT = 1
-_LARGEST = 256 * 1024 * 1024
-_LONGEST = 4 * 1024 * 1024
 _ROUNDING = 1e-9
 _NAME, _SUM = Text(200), Number(0.0)
 
@@ -49,7 +44,7 @@ class KeptChunk(NamedTuple):
     sums: tuple[KeptSums, ...]
 
 
-class RunsFile:
+class RunsFile(KeptLines[KeptChunk]):
     """A file of chunks, open for more; use it as a context manager.
 
     Parameters
@@ -70,44 +65,23 @@ class RunsFile:
         The file cannot be read or written, is damaged, or belongs to another simulation.
     """
 
+    what = "simulation"
+
     def __init__(
         self, path: Path, what: dict[str, Any], largest: Mapping[Name, float | None], chunk: int
     ) -> None:
-        self._path, self._largest = path, largest
+        self._largest = largest
         runs = Whole(1, chunk)
         row = Items(_NAME, _NAME, _NAME, runs, _SUM, _SUM)
         self._line_kind = Keys(
             {"chunk": Whole(0, 2**53), "runs": runs, "sums": ListOf(row, "sums")}
         )
-        head = {"format": RUNS_FORMAT, **what}
-        self.chunks: tuple[KeptChunk, ...] = ()
-        length = 0
-        try:
-            if path.exists():
-                data = read_bytes(path, _LARGEST)
-                length = data.rfind(b"\n") + 1
-                if length == 0 and not _line(head).startswith(data):
-                    raise InputError(
-                        f"{place(path, 1)}: not a simulation's file, and not overwritten; "
-                        "name another file"
-                    )
-                self.chunks = self._chunks(data[:length], head)
-            self._file = path.open("ab")
-        except OSError as error:
-            raise InputError(f"{place(path)}: {reason(error)}") from None
-        try:
-            self._file.truncate(length)  # what a crash left of a line that was not finished
-            if length == 0:
-                self._write(head)
-        except BaseException:
-            self._file.close()
-            raise
+        super().__init__(path, {"format": RUNS_FORMAT, **what})
 
-    def __enter__(self) -> RunsFile:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._file.close()
+    @property
+    def chunks(self) -> tuple[KeptChunk, ...]:
+        """What was done before."""
+        return self.rows
 
     def keep(self, chunk: KeptChunk) -> None:
         """Write a chunk; it is on disk when this returns.
@@ -121,48 +95,7 @@ class RunsFile:
             {"chunk": chunk.number, "runs": chunk.runs, "sums": [list(s) for s in chunk.sums]}
         )
 
-    def _write(self, value: dict[str, Any]) -> None:
-        try:
-            self._file.write(_line(value))
-            self._file.flush()
-            os.fsync(self._file.fileno())
-        except OSError as error:
-            raise InputError(f"{place(self._path)}: {reason(error)}") from None
-
-    def _chunks(self, data: bytes, head: dict[str, Any]) -> tuple[KeptChunk, ...]:
-        chunks = []
-        for number, line in enumerate(data.splitlines(keepends=True), 1):
-            value = self._parsed(line, number)
-            if number == 1:
-                self._same(value, head)
-            else:
-                chunks.append(self._chunk(value, number))
-        return tuple(chunks)
-
-    def _parsed(self, line: bytes, number: int) -> dict[str, Any]:
-        where = place(self._path, number)
-        if len(line) > _LONGEST:
-            raise InputError(f"{where}: longer than {_LONGEST} bytes")
-        try:
-            value = json.loads(line.decode("utf-8"))
-        except (ValueError, RecursionError):
-            raise InputError(f"{where}: not a line of a simulation's file") from None
-        if not isinstance(value, dict):
-            raise InputError(f"{where}: not a line of a simulation's file")
-        return value
-
-    def _same(self, value: dict[str, Any], head: dict[str, Any]) -> None:
-        for key, expected in head.items():
-            if value.get(key) != expected:
-                said = plain(json.dumps(value.get(key)), 60)
-                wanted = plain(json.dumps(expected), 60)
-                raise InputError(
-                    f"{place(self._path, 1)}: belongs to another simulation: "
-                    f"{key} is {said}, asked is {wanted}; name another file"
-                )
-
-    def _chunk(self, value: dict[str, Any], number: int) -> KeptChunk:
-        where = place(self._path, number)
+    def _row(self, value: dict[str, Any], where: str) -> KeptChunk:
         try:
             read = self._line_kind.of(value)
         except WrongValueError as error:
@@ -195,7 +128,3 @@ def _possible(of: KeptSums, largest: float | None) -> bool:
     return largest is None or (
         of.total <= of.runs * largest * more and of.squares <= largest * of.total * more
     )
-
-
-def _line(value: dict[str, Any]) -> bytes:
-    return json.dumps(value, allow_nan=False, separators=(",", ":")).encode() + b"\n"

@@ -29,6 +29,7 @@ __all__ = [
     "add_network_arguments",
     "add_pattern_arguments",
     "add_run_arguments",
+    "add_series_arguments",
     "add_simulate_arguments",
 ]
 
@@ -204,6 +205,11 @@ def add_network_arguments(network: argparse.ArgumentParser) -> None:
     network.add_argument(
         "--to", type=Path, metavar="FOLDER", help="write it as a new block, free of error"
     )
+
+
+def add_series_arguments(block: argparse.ArgumentParser) -> None:
+    """Add what the command `plan block` takes beside: several blocks are shares of work."""
+    add_on(block)
 
 
 def add_run_arguments(simulate: argparse.ArgumentParser) -> None:

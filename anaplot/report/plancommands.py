@@ -12,6 +12,7 @@ from anaplot.report.planarguments import (
     add_network_arguments,
     add_pattern_arguments,
     add_run_arguments,
+    add_series_arguments,
     add_simulate_arguments,
 )
 
@@ -82,15 +83,15 @@ def add_plan_commands(commands: Commands) -> None:
             "anaplot plan pattern 13 13/5 --c 152 --csv patterns.csv",
         )
     )
-    add_block_arguments(
-        parts.add(
-            "block",
-            _plan_block,
-            "a regular aerial block: classes of observations, weak photos, accuracy",
-            "anaplot plan block --strips 4 --photos 8 --bridging 3 --twin",
-            "anaplot plan block --points 5x5 --stabilize 2 --to planned",
-        )
+    block = parts.add(
+        "block",
+        _plan_block,
+        "a regular aerial block: classes of observations, weak photos, accuracy",
+        "anaplot plan block --strips 4 --photos 8 --bridging 3 --twin",
+        "anaplot plan block --points 5x5 --stabilize 2 --to planned",
     )
+    add_block_arguments(block)
+    add_series_arguments(block)
     add_network_arguments(
         parts.add(
             "network",

@@ -27,6 +27,8 @@ from anaplot.report.pageoption import AskedPage, MakesPage
 from anaplot.report.planarguments import add_block_arguments
 from anaplot.report.planblock import PlannedBlock, plan_lines, planned_block, run_planned
 from anaplot.report.running import run_side_by_side
+from anaplot.report.workplace import place_of
+from anaplot.shares.address import LOCAL
 
 __all__ = ["PlannedSeries", "block_series", "run_plan_block"]
 
@@ -63,8 +65,11 @@ def run_plan_block(options: argparse.Namespace, report: MakesPage) -> int:
     """
     distances = options.bridging
     if distances is None or len(distances) == 1:
+        if options.on != LOCAL:
+            raise InputError("--on goes with several bridging distances: each is a share")
         page = AskedPage.of(options, "plan block", add_block_arguments, tuple, report)
         return run_planned(options, planned_block, page)
+    at = None if options.on == LOCAL else place_of(options.on, None, None)
     asked = (("--to", options.to), ("--stabilize", options.stabilize), ("--report", options.report))
     for option, given in asked:
         if given is not None:
@@ -73,7 +78,7 @@ def run_plan_block(options: argparse.Namespace, report: MakesPage) -> int:
     if twice is not None:
         raise InputError(f"bridging distance {twice:g} is given twice")
     options.stabilize = 0  # of points for weak photos nothing is shown
-    return run_side_by_side(options, "bridging", planned_block, block_series)
+    return run_side_by_side(options, "bridging", planned_block, block_series, at=at)
 
 
 def block_series(blocks: Sequence[PlannedBlock]) -> Computed[PlannedSeries]:

@@ -6,6 +6,7 @@ import argparse
 import os
 import sys
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
@@ -18,6 +19,7 @@ from anaplot.report.keywords import keywords_of
 from anaplot.report.output import Output
 from anaplot.report.pageoption import AskedPage
 from anaplot.report.progress import ProgressLine
+from anaplot.shares.work import Place, in_order
 from anaplot.textfiles.wording import place, plain
 
 __all__ = ["BlockOrFolder", "block_of", "computed", "run_computation", "run_side_by_side"]
@@ -70,6 +72,7 @@ def run_side_by_side(
     compute: Callable[..., Computed[T]],
     compare: Callable[[Sequence[T]], Computed[Any]],
     reads: Iterable[Path] = (),
+    at: Place | None = None,
 ) -> int:
     """Compute anew with each value of an option, and show the results beside each other.
 
@@ -85,6 +88,8 @@ def run_side_by_side(
         Puts the results side by side.
     reads
         The files that it reads.
+    at
+        Where, each value a share; None: here, one after the other.
 
     Raises
     ------
@@ -93,12 +98,22 @@ def run_side_by_side(
     """
     output = Output.of(options)
     output.check({"is read": reads})
-    results = []
-    for value in getattr(options, option):
-        one = argparse.Namespace(**{**vars(options), option: (value,)})
-        results.append(computed(one, compute).result)
+    several = [
+        argparse.Namespace(**{**vars(options), option: (value,)})
+        for value in getattr(options, option)
+    ]
+    if at is None:
+        results = [computed(one, compute).result for one in several]
+    else:
+        with ProgressLine(sys.stderr) as line:
+            keywords = [keywords_of(compute, vars(one)) for one in several]
+            results = in_order(partial(_result, compute), keywords, at, partial(line, option))
     output.show(compare(results).document)
     return 0
+
+
+def _result(compute: Callable[..., Computed[T]], keywords: dict[str, Any]) -> T:
+    return compute(**keywords).result
 
 
 def computed(options: argparse.Namespace, compute: Callable[..., Computed[T]]) -> Computed[T]:

@@ -53,11 +53,10 @@ from anaplot.report.owngeometry import ModelOptions, own_scenario
 from anaplot.report.planarguments import add_simulate_arguments
 from anaplot.report.running import computed
 from anaplot.report.simulatedrun import run_to_block
-from anaplot.report.workplace import place_of
+from anaplot.report.workplace import place_of, said_how_to_go_on
 from anaplot.shares.address import LOCAL
 from anaplot.shares.work import SharesLostError
 from anaplot.textfiles.wording import hint, quoted
-from anaplot.textfiles.wording import place as in_file
 from anaplot.version import __version__
 
 __all__ = ["Simulated", "run_simulate", "scenarios_document", "simulate", "simulate_document"]
@@ -222,7 +221,7 @@ def simulate(
                 store=None if kept is None else partial(_keep, kept),
             )
         except SharesLostError as error:
-            raise SharesLostError(f"{error}; {_how_to_go_on(to)}") from error
+            raise said_how_to_go_on(error, to) from error
     found = tuple(figures(tally, quantities, chosen.references))
     document = simulate_document(chosen, found, remarks, runs=count, seed=seed)
     return Computed(Simulated(chosen, found, remarks), document)
@@ -256,12 +255,6 @@ def _scenario(
         known=known,
         model=model,
     )
-
-
-def _how_to_go_on(to: str | os.PathLike[str] | None) -> str:
-    if to is None:
-        return "nothing is kept: --to FILE keeps what is done, and goes on from there"
-    return f"{in_file(Path(to))} has what is done: the same call goes on from there"
 
 
 def _at_alpha(scenario: Scenario, alpha: float | None) -> Scenario:

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import os
 from concurrent.futures import Executor
+from pathlib import Path
 
 from anaplot.errors import InputError
 from anaplot.shares.address import cluster_address
 from anaplot.shares.cluster import Cluster
 from anaplot.shares.local import GivenExecutor, LocalProcesses
-from anaplot.shares.work import Place
+from anaplot.shares.work import Place, SharesLostError
+from anaplot.textfiles.wording import place
 
-__all__ = ["place_of"]
+__all__ = ["place_of", "said_how_to_go_on"]
 
 _AT_A_TIME = 32  # shares that an executor is given of which nobody says what it can do
 
@@ -43,3 +45,12 @@ def place_of(on: str, processes: int | None, executor: Executor | None) -> Place
     if processes is not None:
         raise InputError("--processes goes with --on local: a cluster has workers of its own")
     return Cluster(address)
+
+
+def said_how_to_go_on(error: SharesLostError, to: str | os.PathLike[str] | None) -> SharesLostError:
+    """Return that workers were lost, and what of the work is kept; `to`: the file, if any."""
+    if to is None:
+        kept = "nothing is kept: --to FILE keeps what is done, and goes on from there"
+    else:
+        kept = f"{place(Path(to))} has what is done: the same call goes on from there"
+    return SharesLostError(f"{error}; {kept}")

@@ -8,14 +8,11 @@ from __future__ import annotations
 
 import uuid
 from collections import Counter, deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import AbstractContextManager
 from threading import Lock
-from typing import Any, ClassVar, Generic, Protocol, TypeVar
-
-import numpy
-import scipy
+from typing import Any, ClassVar, Generic, NamedTuple, Protocol, TypeVar
 
 from anaplot.errors import InputError, NotComputableError
 from anaplot.textfiles.wording import plain
@@ -30,6 +27,7 @@ __all__ = [
     "Workers",
     "carry_out",
     "forget",
+    "in_order",
     "versions_here",
 ]
 
@@ -161,6 +159,10 @@ def forget() -> None:
 
 def versions_here() -> dict[str, str]:
     """Return the versions of what figures depend on."""
+    # here: commands that hand out nothing import this module, too
+    import numpy
+    import scipy
+
     return {"anaplot": __version__, "numpy": numpy.__version__, "scipy": scipy.__version__}
 
 
@@ -218,6 +220,50 @@ def carry_out(
         finally:
             for future in running:
                 future.cancel()
+
+
+class _Each(NamedTuple):
+    """A function of one thing as `Work`; the things are numbered."""
+
+    do: Callable[[Any], Any]
+
+    def prepare(self) -> Callable[[tuple[int, Any]], tuple[int, Any]]:
+        return self.one
+
+    def one(self, share: tuple[int, Any]) -> tuple[int, Any]:
+        number, thing = share
+        return number, self.do(thing)
+
+
+def in_order(
+    do: Callable[[S], D], things: Sequence[S], place: Place, progress: Callable[[float], None]
+) -> list[D]:
+    """Return what a function makes of every thing, in their order.
+
+    Parameters
+    ----------
+    do
+        A function of a module, or such a one in part.
+    things
+        What it takes, one each.
+    place
+        Where it is done.
+    progress
+        Called with the fraction of it that is done.
+
+    Raises
+    ------
+    SharesLostError
+        See `carry_out`.
+    """
+    found: dict[int, D] = {}
+
+    def take(done: tuple[int, D]) -> None:
+        found[done[0]] = done[1]
+        progress(len(found) / len(things))
+
+    carry_out(_Each(do), enumerate(things), len(things), place, take)
+    return [found[number] for number in range(len(things))]
 
 
 def _good(future: Future[Any]) -> bool:

@@ -1,0 +1,113 @@
+"""One computation for many blocks: the same as one by one, kept, and a failing one alone fails."""
+
+from __future__ import annotations
+
+import json
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import anaplot
+from anaplot.cli import main
+from anaplot.errors import InputError
+from anaplot.shares.cluster import Cluster
+from anaplot.shares.local import GivenExecutor
+
+
+@pytest.fixture
+def blocks(tmp_path: Path) -> list[anaplot.Block]:
+    made = anaplot.plan.block(strips=2, photos=3, control_m=0.02, sidelap=60).result.made.block
+    return [replace(made, name=f"b{k}", image_points=made.image_points[k:]) for k in range(4)]
+
+
+def test_many_are_what_each_is(blocks: list[anaplot.Block]) -> None:
+    alone = [anaplot.adjust(block, hypothesis_alpha=0.01).to_dict() for block in blocks]
+    with ThreadPoolExecutor(3) as executor:
+        found = anaplot.each(anaplot.adjust, blocks, executor=executor, hypothesis_alpha=0.01)
+    assert [one.block for one in found] == ["b0", "b1", "b2", "b3"]
+    assert [one.answer for one in found] == alone
+    assert all(one.error is None for one in found)
+
+
+def test_one_that_fails_does_not_end_the_others(
+    tmp_path: Path, blocks: list[anaplot.Block]
+) -> None:
+    nothing = replace(blocks[0], name="nothing", image_points=())
+    found = anaplot.each(
+        anaplot.adjust, [blocks[0], nothing, tmp_path / "none", blocks[1]], processes=1
+    )
+    assert [one.error is None for one in found] == [True, False, False, True]
+    assert found[1].answer is None
+    assert "none" in str(found[2].error)
+    assert "\n" not in f"{found[1].error}{found[2].error}"
+
+
+def test_what_is_kept_is_not_done_again(tmp_path: Path, blocks: list[anaplot.Block]) -> None:
+    kept = tmp_path / "kept.jsonl"
+    told: list[float] = []
+
+    class EnoughError(Exception):
+        pass
+
+    def interrupted(_: str, fraction: float) -> None:
+        told.append(fraction)
+        if len(told) == 2:
+            raise EnoughError
+
+    with pytest.raises(EnoughError):
+        anaplot.each(anaplot.adjust, blocks, processes=1, to=kept, progress=interrupted)
+    before = kept.read_bytes()
+    assert before.count(b"\n") == 3
+    found = anaplot.each(anaplot.adjust, blocks, processes=1, to=kept)
+    assert found == anaplot.each(anaplot.adjust, blocks, processes=1)
+    after = kept.read_bytes()
+    assert after.startswith(before)
+    assert after.count(b"\n") == 5
+    # a block that has changed is another one
+    rows = blocks[0].image_points
+    changed = replace(blocks[0], image_points=(replace(rows[0], x=rows[0].x + 0.001), *rows[1:]))
+    (one,) = anaplot.each(anaplot.adjust, [changed], processes=1, to=kept)
+    assert one.answer != found[0].answer
+    assert kept.read_bytes().count(b"\n") == 6
+
+
+def test_a_file_of_something_else_is_refused(tmp_path: Path, blocks: list[anaplot.Block]) -> None:
+    kept = tmp_path / "kept.jsonl"
+    anaplot.each(anaplot.adjust, blocks[:1], processes=1, to=kept)
+    with pytest.raises(InputError, match="line 1: belongs to another computation: options is"):
+        anaplot.each(anaplot.adjust, blocks[:1], processes=1, to=kept, datum="free")
+    whole = kept.read_bytes()
+    for line in (b"{}", b'{"digest":"a","flagged":1,"answer":{}}', b"[1]", b"\xff"):
+        kept.write_bytes(whole + line + b"\n")
+        with pytest.raises(InputError, match=r"kept\.jsonl line 3: "):
+            anaplot.each(anaplot.adjust, blocks[:1], processes=1, to=kept)
+        assert kept.read_bytes() == whole + line + b"\n"
+    kept.write_bytes(whole + b'{"digest":"a","fla')  # torn off: cut
+    assert anaplot.each(anaplot.adjust, blocks[:1], processes=1, to=kept)[0].error is None
+    assert kept.read_bytes() == whole
+    with pytest.raises(InputError, match=r"--on: .*must be local, or dask"):
+        anaplot.each(anaplot.adjust, blocks, on="dask:/x")
+
+
+def test_a_series_is_done_elsewhere(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    call = ["plan", "block", "--strips", "2", "--photos", "4", "--json", "--bridging"]
+    assert main([*call, "2,3"]) == 0
+    here = capsys.readouterr().out
+    assert len(json.loads(here)["bridging"]) == 2
+    assert main([*call, "2", "--on", "dask://127.0.0.1:1"]) == 2
+    assert "--on goes with several bridging distances" in capsys.readouterr().err
+    with ThreadPoolExecutor(2) as executor:
+        asked: list[str] = []
+
+        def there(cluster: Cluster, *of: object) -> object:
+            asked.append(cluster.named())
+            return GivenExecutor(executor, 2).workers(*of)  # type: ignore[arg-type]
+
+        monkeypatch.setattr(Cluster, "workers", there)
+        assert main([*call, "2,3", "--on", "dask://127.0.0.1:1"]) == 0
+    assert asked == ["dask://127.0.0.1:1"]
+    assert capsys.readouterr().out == here
