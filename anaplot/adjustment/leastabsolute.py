@@ -7,7 +7,8 @@ Its dual is a linear programme in n bounded variables, solved exactly by HiGHS,
 whose multipliers are d. Where that is too slow the same optimum is reached by re-weighted least
 squares: the primal-dual interior-point method for least absolute values (Portnoy, Koenker 1997,
 section 3), every step of which is an adjustment A'QA with weights Q; some fifteen of them do, and
-the gap between primal and dual says that it is the optimum.
+the gap between primal and dual says that it is the optimum. One more, of the rows alone that are
+zero there, leads from next to the corner into it.
 
 Without a design only R is known, R = Q_vv P. With its eigenvalues l and eigenvectors V the columns
 V sqrt(1 - l) span the design; where l lies between 0 and 1 (priors that are no rows of the system)
@@ -17,6 +18,7 @@ is left than was observed, by that factor.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -35,12 +37,13 @@ __all__ = [
 ]
 
 
-MOST_ROWS_OF_PROGRAMME = 5_000
+MOST_ROWS_OF_PROGRAMME = 1_000
 """Rows up to which the linear programme is solved; beyond them it is re-weighted least squares."""
 
 _ZERO = 1e-9  # eigenvalue of R that is none
 _PROJECTOR = 1e-6  # largest element of R R - R that is rounding
 _GAP = 1e-10  # per row: difference of primal and dual at which the optimum is reached
+_ROUNDING = 1e-13  # of a sum
 _MOST_ITERATIONS = 200
 _TO_THE_WALL = 0.9995  # part of the way to the nearest bound that a step may go
 _HOLD = 1e-13  # of a diagonal element: keeps what only the datum would determine
@@ -168,8 +171,8 @@ def _reweighted(design: csr_array, e: Array) -> tuple[Array, int]:
     transposed = csr_array(design.T)
     hold = diagonal(np.full(u, _HOLD))
 
-    def adjusted(weights: Array, of: Array) -> Array:
-        """Return d of the adjustment of `of` with these weights."""
+    def adjustment(weights: Array) -> Callable[[Array], Array]:
+        """Return what adjusts misclosures with these weights: d of them."""
         normal = csc_array(transposed @ diagonal(weights) @ design) + hold * weights.mean()
         normal = csc_array(normal)
         # SuperLU takes indices of 32 bits only
@@ -180,13 +183,17 @@ def _reweighted(design: csr_array, e: Array) -> tuple[Array, int]:
             diag_pivot_thresh=0.0,
             options={"SymmetricMode": True},
         )
-        d = factor.solve(transposed @ (weights * of))
-        for _ in range(2):
-            d += factor.solve(transposed @ (weights * (of - design @ d)))
-        return np.asarray(d, dtype=float)
+
+        def adjusted(of: Array) -> Array:
+            d = factor.solve(transposed @ (weights * of))
+            for _ in range(2):
+                d += factor.solve(transposed @ (weights * (of - design @ d)))
+            return np.asarray(d, dtype=float)
+
+        return adjusted
 
     # v = plus - minus; the conditions are minus low = plus high = 0 with low = 1 + y, high = 1 - y
-    d = adjusted(np.ones(n), e)
+    d = adjustment(np.ones(n))(e)
     v = e - design @ d
     floor = max(1e-3 * float(np.abs(v).mean()), 1e-12)
     plus, minus = np.maximum(v, 0.0) + floor, np.maximum(-v, 0.0) + floor
@@ -194,13 +201,18 @@ def _reweighted(design: csr_array, e: Array) -> tuple[Array, int]:
     for iteration in range(_MOST_ITERATIONS):
         gap = float(minus @ low + plus @ high)
         if gap < _GAP * (n * floor + float(np.abs(v).sum())):
-            return v, iteration
+            # at the optimum these are zero: the corner that the programme has
+            zero = np.abs(v) < float(np.abs(v).mean()) * np.minimum(low, high)
+            there = v - design @ adjustment(zero.astype(float))(v)
+            better = np.abs(there).sum() <= np.abs(v).sum() * (1.0 + _ROUNDING)
+            return (there if better else v), iteration
         weights = 1.0 / (plus / high + minus / low)
+        adjusted = adjustment(weights)
         # the first step without a centre tells how far to one the second one should keep
         wanted, centre = v, 0.0
         second_low = second_high = np.zeros(n)
         for corrected in (False, True):
-            step = adjusted(weights, wanted)
+            step = adjusted(wanted)
             dy = weights * (wanted - design @ step)
             d_minus = centre / low - minus - minus * dy / low - second_low
             d_plus = centre / high - plus + plus * dy / high + second_high
