@@ -8,10 +8,11 @@ from dataclasses import dataclass
 
 from anaplot.errors import InputError, NotComputableError
 from anaplot.exchange.blockfolder import check_for_bridge, read_block
-from anaplot.orientation.strip import bridge_strip
+from anaplot.orientation.strip import BridgedStrip, bridge_strip
 from anaplot.orientation.stripfit import Degree, StripFit, fit_models
-from anaplot.photogrammetry.block import Block, Strip
+from anaplot.photogrammetry.block import Block
 from anaplot.photogrammetry.rotation import rotation_angles
+from anaplot.photogrammetry.selection import rows_by_photo
 from anaplot.report.document import (
     BLANK,
     Answer,
@@ -112,15 +113,18 @@ def fit(
     if strip is not None and strip not in named:
         raise InputError(f"no strip {quoted(strip)}{hint(strip, named)}")
     wanted = block.strips if strip is None else (named[strip],)
-    return FittedBlock(tuple((one.id, _fit(block, one, degree, without)) for one in wanted))
+    rows = rows_by_photo(block.image_points)
+    bridged = (bridge_strip(block, one, rows=rows) for one in wanted)
+    return FittedBlock(tuple((one.strip, _fit(block, one, degree, without)) for one in bridged))
 
 
-def _fit(block: Block, strip: Strip, degree: Degree, without: Collection[str]) -> StripFit | str:
-    bridged = bridge_strip(block, strip)
+def _fit(
+    block: Block, bridged: BridgedStrip, degree: Degree, without: Collection[str]
+) -> StripFit | str:
     if bridged.error is not None and not bridged.models:
         return bridged.error
     try:
-        return fit_models(block, strip.id, bridged.models, degree=degree, without=without)
+        return fit_models(block, bridged.strip, bridged.models, degree=degree, without=without)
     except NotComputableError as error:
         return str(error)
 

@@ -9,6 +9,7 @@ from typing import NamedTuple, TypeAlias
 from anaplot.errors import InputError, NotComputableError
 from anaplot.orientation.strip import bridge_strip, pooled_sigma_um
 from anaplot.photogrammetry.block import Block
+from anaplot.photogrammetry.selection import rows_by_photo
 from anaplot.session.photoaccidents import (
     PhotoAccident,
     PhotoAccidentKind,
@@ -65,7 +66,8 @@ def _put_right(block: Block, names: Iterable[str]) -> StripsPutRight | None:
     """Return what strips of a block give; None where they cannot even be begun."""
     strips = [strip for strip in block.strips if strip.id in names]
     try:
-        bridged = [bridge_strip(block, strip) for strip in strips]
+        rows = rows_by_photo(block.image_points)
+        bridged = [bridge_strip(block, strip, rows=rows) for strip in strips]
     except InputError:
         return None
     models = tuple(model for strip in bridged for model in strip.models)

@@ -9,6 +9,7 @@ from typing import Literal, NamedTuple
 from anaplot.orientation.results import ModelSolution
 from anaplot.orientation.strip import BridgedStrip, bridge_strip
 from anaplot.photogrammetry.block import Block, Strip
+from anaplot.photogrammetry.selection import rows_by_photo
 from anaplot.session.blockaccidents import NO_ACCIDENTS, BlockAccidents
 from anaplot.session.modelstate import ModelState
 from anaplot.session.recomputed import Recomputed, recomputed_models
@@ -292,6 +293,7 @@ def status_of(
         Strips of the block as `bridge` has them; those that are missing are bridged here.
     """
     known = {one.strip: one for one in bridged}
+    rows = rows_by_photo(block.image_points)
     suspected = suspected_models(view)
     ahead = None if state is None or state.current is None else outlook(state)
     there = measured_in_files(block)
@@ -299,7 +301,7 @@ def status_of(
     anew = {one.name for one in recomputed}
     strips = tuple(
         _strip(
-            known.get(strip.id) or bridge_strip(block, strip),
+            known.get(strip.id) or bridge_strip(block, strip, rows=rows),
             strip,
             state,
             ahead,

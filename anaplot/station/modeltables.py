@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from typing import NamedTuple
 
 from anaplot.errors import NotComputableError
 from anaplot.orientation.results import ModelSolution
 from anaplot.orientation.strip import bridge_strip
-from anaplot.photogrammetry.block import Block, Strip
+from anaplot.photogrammetry.block import Block, ImagePoint, Strip
 from anaplot.photogrammetry.selection import points_of, rows_by_photo
 from anaplot.session.models import solve_after
 from anaplot.session.modelstate import ModelState
@@ -85,6 +86,7 @@ class TableKeeper:
         """
         accepted = {model.photos: model for model in state.models}
         elsewhere = measured_in_files(block) - accepted.keys()
+        rows = cache(lambda: rows_by_photo(block.image_points))
         out: dict[Photos, ModelTable] = {}
         for strip in block.strips:
             before: ModelState | None = None
@@ -98,7 +100,7 @@ class TableKeeper:
                 before = model
             if not elsewhere.isdisjoint(strip.models()):
                 look_up()
-                out |= self._of_files(block, strip, elsewhere)
+                out |= self._of_files(block, strip, elsewhere, rows)
         self._block = block
         if out.keys() != self._known.keys() or any(out[k] is not self._known[k] for k in out):
             self._known = out
@@ -121,13 +123,17 @@ class TableKeeper:
         return _table(block, model, before, preceding)
 
     def _of_files(
-        self, block: Block, strip: Strip, elsewhere: frozenset[Photos]
+        self,
+        block: Block,
+        strip: Strip,
+        elsewhere: frozenset[Photos],
+        rows: Callable[[], Mapping[str, Sequence[ImagePoint]]],
     ) -> dict[Photos, ModelTable]:
         wanted = [photos for photos in strip.models() if photos in elsewhere]
         old = {photos: self._known[photos] for photos in wanted if photos in self._known}
         if block is self._block and len(old) == len(wanted):
             return old
-        bridged = bridge_strip(block, strip)
+        bridged = bridge_strip(block, strip, rows=rows())
         solved = {(model.left, model.right): model for model in bridged.models}
         why = bridged.error or ""
         return {

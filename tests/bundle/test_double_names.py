@@ -5,11 +5,14 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from test_misnamed import measured
 
 from anaplot.bundle.adjust import adjust_block
+from anaplot.bundle.errors import doublenames
 from anaplot.bundle.errors.doublenames import DoubleName, double_names
 from anaplot.bundle.errors.grosserrors import block_gross_errors
 from anaplot.cli import main
@@ -133,3 +136,36 @@ def test_the_command_names_them(tmp_path: Path, capsys: pytest.CaptureFixture[st
         assert main(["adjust", str(folder), *options, "--json"]) == 0
         (one,) = json.loads(capsys.readouterr().out)["double_names"]
         assert (one["points"], one["rays"]) == (["02-02", "new"], [])
+
+
+def two_places(halves: int, apart: float, *, same_photo: bool = False) -> SimpleNamespace:
+    """An adjusted block of one point, in vertical photos of which some see another place [m]."""
+    n = 2 * halves
+    rng = np.random.default_rng(5)
+    centres = np.column_stack([rng.uniform(-600.0, 600.0, (n, 2)), rng.uniform(900.0, 1100.0, n)])
+    if same_photo:
+        centres[1] = centres[0]
+    seen = np.where(np.arange(n) < (2 if same_photo else halves), apart, 0.0)[:, None]
+    away = np.array([1.0, -0.5, 0.2]) * seen - centres
+    xy = -150.0 * away[:, :2] / away[:, 2:] + rng.normal(0.0, 0.005, (n, 2))
+    photos = {
+        "photo": np.arange(n),
+        "ideal": xy,
+        "c": np.full(n, 150.0),
+        "sigma": np.full(n, 0.005),
+    }
+    state = SimpleNamespace(rotations=np.tile(np.eye(3), (n, 1, 1)), centres=centres)
+    return SimpleNamespace(problem=SimpleNamespace(**photos), state=state)
+
+
+def test_which_of_two_equal_halves_is_named_does_not_hang_on_rounding() -> None:
+    block = two_places(4, 5.0)
+    first = doublenames._parts(block, list(range(8)))
+    assert first in (frozenset(range(4)), frozenset(range(4, 8)))
+    for turn in np.random.default_rng(0).normal(0.0, 1e-15, (20, 8, 2)):
+        block.problem.ideal = block.problem.ideal * (1.0 + turn)
+        assert doublenames._parts(block, list(range(8))) == first
+    # what is not in two places has no parts, and two rays of one photo are one
+    assert doublenames._parts(two_places(4, 0.0), list(range(8))) is None
+    inner = two_places(4, 5.0, same_photo=True)
+    assert doublenames._parts(inner, list(range(8))) == frozenset({0, 1})

@@ -33,6 +33,8 @@ _SPARSE = 0.25  # of the usual distance of neighbours: points less certain say n
 _MOST = 4  # of either kind that are tried
 _MOST_DOUBTED = 30  # points whose rays are parted, the largest residuals first
 _MOST_RAYS = 16  # of a point whose rays are parted
+_ROUNDING = 3.0 * float(np.finfo(float).eps)  # of rays that all but coincide
+_ALIKE = 1e-9
 _ALONE = 9.0  # times the misfit of two points: what one ray left out explains is one gross error
 
 
@@ -217,33 +219,43 @@ def _parts(block: AdjustedBlock, rays: list[int]) -> frozenset[int] | None:
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     across = np.eye(3) - direction[:, :, None] * direction[:, None, :]
     centres = state.centres[photo]
+    right = np.einsum("nij,nj->ni", across, centres)
 
-    def misfit(part: list[int]) -> tuple[Array, float]:
-        """Return where rays meet, and how far they miss [rad^2]."""
-        normal = across[part].sum(axis=0)
-        right = np.einsum("nij,nj->i", across[part], centres[part])
-        at: Array = np.linalg.lstsq(normal, right, rcond=None)[0]
-        return at, float(_off(at)[part].sum())
+    def met(parts: Array) -> tuple[Array, Array]:
+        """Return where the rays of (..., n) parts meet, and how far every ray misses [rad^2]."""
+        normal = np.tensordot(parts, across, axes=1)
+        # by its axes: rays from one photo leave one of them nearly open, and err along it only
+        values, axes = np.linalg.eigh(normal)
+        along = np.einsum("...ij,...i->...j", axes, parts @ right)
+        sound = values > _ROUNDING * values[..., -1:]
+        along = np.divide(along, values, out=np.zeros_like(along), where=sound)
+        at = axes @ along[..., None]
+        away = at[..., None, :, 0] - centres
+        by = np.einsum("nij,...nj->...ni", across, away)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            off = (by**2).sum(axis=-1) / (away**2).sum(axis=-1)
+        return at, np.nan_to_num(off, nan=np.inf)
 
-    def _off(at: Array) -> Array:
-        by = (across @ (at - centres)[:, :, None])[:, :, 0]
-        found: Array = (by**2).sum(axis=1) / ((at - centres) ** 2).sum(axis=1)
-        return found
+    def misfit(parts: Array) -> Array:
+        return np.asarray(np.where(parts > 0.0, met(parts)[1], 0.0).sum(axis=-1))
 
-    everything = list(range(len(rays)))
-    best = (np.inf, everything)
-    for i, j in combinations(everything, 2):
-        order = np.argsort(_off(misfit([i, j])[0])).tolist()
-        for count in range(2, len(rays) - 1):
-            part, rest = order[:count], order[count:]
-            both = misfit(part)[1] + misfit(rest)[1]
-            if both < best[0]:
-                best = (both, part if len(part) < len(rest) else rest)
+    # the rays nearest to where two of them meet, two and more, and the others
+    pairs = np.array(
+        [np.eye(len(rays))[[i, j]].sum(0) for i, j in combinations(range(len(rays)), 2)]
+    )
+    rank = np.argsort(np.argsort(met(pairs)[1], axis=1), axis=1)
+    counts = np.arange(2, len(rays) - 1)
+    parts = (rank[:, None] < counts[:, None]).astype(float).reshape(-1, len(rays))
+    both = misfit(parts) + misfit(1.0 - parts)
+    best = float(both.min())
     noise = len(rays) * float(np.median(problem.sigma) / np.median(c)) ** 2
-    alone = min(misfit([k for k in everything if k != out])[1] for out in everything)
-    if alone < _ALONE * max(best[0], noise):
+    alone = float(misfit(1.0 - np.eye(len(rays))).min())
+    if alone < _ALONE * max(best, noise):
         return None
-    return frozenset(rays[k] for k in best[1])
+    # of those that differ by rounding the first
+    part = parts[int(np.flatnonzero(both <= best * (1.0 + _ALIKE))[0])] > 0.0
+    smaller = part if part.sum() < len(rays) / 2 else ~part
+    return frozenset(rays[k] for k in np.flatnonzero(smaller).tolist())
 
 
 def _split(
