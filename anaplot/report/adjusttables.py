@@ -527,11 +527,14 @@ def _rays(block: AdjustedBlock, external: ExternalReliability) -> tuple[Values, 
         return whole.reshape(-1, *values.shape[2:])
 
     def placed(xy: Sequence[Sequence[Any]], before: Any = None) -> list[Any]:
-        pairs = [(before, before)] * len(off) + list(zip(*xy, strict=True))
-        return list(chain.from_iterable(pairs[k] for k in order.tolist()))
+        pairs: Iterable[Any] = zip(*xy, strict=True)
+        if len(off):
+            every = [(before, before)] * len(off) + list(pairs)
+            pairs = map(every.__getitem__, order.tolist())
+        return list(chain.from_iterable(pairs))
 
-    def doubled(names: Iterable[str]) -> list[str]:
-        return [name for name in names for _ in range(2)]
+    def doubled(names: list[str]) -> list[str]:
+        return list(chain.from_iterable(zip(names, names, strict=True)))
 
     words = np.full(found.use.shape, "", dtype=object)
     words[np.isnan(found.mdb)] = "not testable"
@@ -540,8 +543,8 @@ def _rays(block: AdjustedBlock, external: ExternalReliability) -> tuple[Values, 
         counts = points[rays[k]].counts("xy"[axis])
         words[k, axis] = _REJECTED_WORD if counts else _OFF_WORD
     return (
-        doubled(points[k].photo for k in rows),
-        doubled(points[k].point for k in rows),
+        doubled([points[k].photo for k in rows]),
+        doubled([points[k].point for k in rows]),
         ["x", "y"] * len(rows),
         woven(found.residual, aside),
         woven(found.r),

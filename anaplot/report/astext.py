@@ -21,12 +21,16 @@ __all__ = [
     "cell_texts",
     "line_pieces",
     "line_text",
+    "page_parts",
     "page_text",
     "table_lines",
 ]
 
 MOST_ROWS = 100
 """A longer table shows only the rows that need a look, unless all is asked for."""
+
+_AT_ONCE = 4096
+"""Rows of a long table that are written at once."""
 
 
 def page_text(page: Iterable[Block], *, everything: bool = False) -> str:
@@ -39,14 +43,21 @@ def page_text(page: Iterable[Block], *, everything: bool = False) -> str:
     everything
         Whether long tables and lists are shown whole.
     """
-    return "\n".join(chain.from_iterable(_lines(block, everything) for block in page))
+    return "\n".join(page_parts(page, everything=everything))
 
 
-def _lines(block: Block, everything: bool) -> Iterator[str]:
+def page_parts(page: Iterable[Block], *, everything: bool = False) -> Iterator[str]:
+    """Yield the lines of a page, those of large tables many at once with line feeds between."""
+    for block in page:
+        if isinstance(block, Table):
+            yield from map("\n".join, _table_parts(block, everything))
+        else:
+            yield from _lines(block, everything)
+
+
+def _lines(block: Line | Listed | Figure, everything: bool) -> Iterator[str]:
     if isinstance(block, Line):
         yield from _folded(block, everything)
-    elif isinstance(block, Table):
-        yield from table_lines(block, everything=everything)
     elif isinstance(block, Figure):
         yield from block.lines(block.data)
     else:
@@ -141,50 +152,62 @@ def _cell(part: Value) -> str:
 
 def table_lines(table: Table, *, everything: bool = True) -> list[str]:
     """Return a table, a line each row, with its heading."""
+    return list(chain.from_iterable(_table_parts(table, everything)))
+
+
+def _table_parts(table: Table, everything: bool) -> Iterator[list[str]]:
+    """Yield the heading of a table, and its rows some thousand at a time."""
     n = len(table)
     chosen = _chosen(table, everything)
-    columns = [(one, cell_texts(one, values, chosen, n)) for one, values in table.for_people()]
+    columns: list[tuple[Column, Values, list[str] | None]] = []
     heads, units, row = "", "", ""
-    for one, cells in columns:
+    for one, values in table.for_people():
         width = one.width or 0
+        names = None
         if one.align == "<":
+            names = cell_texts(one, values, chosen, n)  # the longest of all says how wide it is
             title = len(one.title) if one.head is None else 0
-            width = max([title, width, *map(len, cells)])
+            width = max([title, width, *map(len, names)])
             head = f"{'':{one.gap}}{one.title:<{width}}"
             row += f"{'':{one.gap}}%-{width}s"
         else:
             head = f"{one.title:>{width}}"
             row += f" %{width - 1}s"
+        columns.append((one, values, names))
         if one.head is not None:
             head = one.head
         heads += head
         unit = f"{one.unit:{table.units}{len(one.title)}}" if table.units else ""
         units += f"{unit:>{len(head)}}"
-    lines = [heads.rstrip()]
-    if table.units:
-        lines.append(units.rstrip())
-    if len(chosen):
-        every = chain.from_iterable(zip(*(cells for _, cells in columns), strict=True))
-        text = "\n".join([row] * len(chosen)) % tuple(every)
-        rows = [line.rstrip() for line in text.split("\n")]
-        lines += _grouped(table, chosen, rows) if table.group else rows
+    yield [heads.rstrip(), units.rstrip()] if table.units else [heads.rstrip()]
+    before = None
+    for first in range(0, len(chosen), _AT_ONCE):
+        last = first + _AT_ONCE
+        some = chosen[first:last]
+        cells = (
+            cell_texts(one, values, some, n) if names is None else names[first:last]
+            for one, values, names in columns
+        )
+        every = tuple(chain.from_iterable(zip(*cells, strict=True)))
+        rows = [line.rstrip() for line in ("\n".join([row] * len(some)) % every).split("\n")]
+        if table.group:
+            rows, before = _grouped(table, some, rows, before)
+        yield rows
     if len(chosen) < n and (table.most is None or table.more):
-        lines.append(_left_out(table, len(chosen)))
-    return lines
+        yield [_left_out(table, len(chosen))]
 
 
-def _grouped(table: Table, chosen: Index, rows: list[str]) -> list[str]:
-    """Return rows with a line above those of each group."""
+def _grouped(table: Table, chosen: Index, rows: list[str], before: Any) -> tuple[list[str], Any]:
+    """Return rows with a line above those of each group, and the last group."""
     keys = [column.key for column in table.columns]
     groups = table.values[keys.index(table.group)]
     lines: list[str] = []
-    before = None
     for k, row in zip(chosen.tolist(), rows, strict=True):
         if groups[k] != before:
             before = groups[k]
             lines.append(plain(str(before)))
         lines.append(row)
-    return lines
+    return lines, before
 
 
 def _chosen(table: Table, everything: bool) -> Index:

@@ -298,8 +298,11 @@ class Table:
     def marked(self) -> NDArray[np.bool_]:
         """Return (n,) which rows need a look."""
         pairs = zip(self.columns, self.values, strict=True)
-        looks = [map(column.look, values) for column, values in pairs if column.look is not None]
-        return np.array([any(row) for row in zip(*looks, strict=True)], dtype=bool)
+        marked = np.zeros(len(self), dtype=bool)
+        for column, values in pairs:
+            if column.look is not None:
+                marked |= np.fromiter(map(column.look, values), dtype=bool, count=len(self))
+        return marked
 
     def for_programs(self) -> list[tuple[Column, Values]]:
         """Return the columns of JSON and CSV."""

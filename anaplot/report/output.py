@@ -11,8 +11,8 @@ from typing import NamedTuple, TextIO
 
 from anaplot.errors import InputError
 from anaplot.report.ascsv import csv_text
-from anaplot.report.asjson import json_text
-from anaplot.report.astext import page_text
+from anaplot.report.asjson import json_parts, json_text
+from anaplot.report.astext import page_parts
 from anaplot.report.document import Document, Table
 from anaplot.textfiles.wholefile import make_folder, replace_whole
 from anaplot.textfiles.wording import place, reason
@@ -93,14 +93,15 @@ class Output(NamedTuple):
             _write_folder(self.to, document)
 
     def print(self, document: Document) -> None:
-        """Print the document; nothing where its page is empty."""
+        """Print the document, part by part; nothing where its page is empty."""
+        stream = sys.stdout if self.stream is None else self.stream
         if self.as_json:
-            text = json_text(document.answer)
-        elif document.page:
-            text = page_text(document.page, everything=self.everything)
+            for part in json_parts(document.answer):
+                print(part, end="", file=stream)
+            print(file=stream)
         else:
-            return
-        print(text, file=sys.stdout if self.stream is None else self.stream)
+            for part in page_parts(document.page, everything=self.everything):
+                print(part, file=stream)
 
 
 def _check_csv(path: Path, taken: Mapping[str, Iterable[Path]], made: Path | None) -> None:
