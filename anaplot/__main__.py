@@ -3,7 +3,7 @@
 import gc
 import sys
 
-_NEW_OBJECTS = 1_000_000  # that are there before Python looks for circles among them
+_NEW_OBJECTS = 100_000  # that are there before Python looks for circles among them
 
 
 def main() -> int:

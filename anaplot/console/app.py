@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import gc
 import signal
 import sys
 from collections.abc import Callable, Iterable
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
 __all__ = ["KEPT", "THEME", "ConsoleApp", "run_console"]
 
 _SWITCH = 0.001  # s after which a thread that computes lets others on: screen and station wait
+_COLLECTED = (700, 10, 10)  # of new objects, often and little at a time: Python's own
 
 KEPT = 1
 """Result of a console whose operator keeps a block that would be deleted."""
@@ -243,7 +245,7 @@ def run_console(
     InputError
         When the keymap cannot be read or is not valid.
     """
-    interval = sys.getswitchinterval()
+    interval, limits = sys.getswitchinterval(), gc.get_threshold()
     try:
         # threads are waited for at the end of the loop: the block is free before
         with asyncio.Runner() as runner, contextlib.closing(station):
@@ -261,9 +263,14 @@ def run_console(
                 report=report,
             )
             sys.setswitchinterval(_SWITCH)
+            # what is loaded by now stays: looking through it took 0.1 s in the middle of a record
+            gc.freeze()
+            gc.set_threshold(*_COLLECTED)
             result = app.run(loop=runner.get_loop())
     finally:
         sys.setswitchinterval(interval)
+        gc.set_threshold(*limits)
+        gc.unfreeze()
     if result == KEPT and keep is not None:
         keep()
     return app.return_code or 0

@@ -1,21 +1,28 @@
 """How long a block takes to open whose journal is long.
 
-Run it as `python tests/benchmarks/journal_opening.py`. Journals of 1000 and of 10 000 points of
-flown strips are written, with the line's traffic and a table after every point, and read and opened
-as the console does it: for the first time, when image_points.csv is written too, again, and with a
-simulated plotter. Processor time of the thread that opens; a ratio is of one run on one machine: 10
-when every point costs the same.
+Run it as `python tests/benchmarks/journal_opening.py [strips photos]`. Journals of 1000 and of
+10 000 points of flown strips are written, with the line's traffic and a table after every point,
+and read and opened as the console does it: for the first time, when image_points.csv is written
+too, again, and with a simulated plotter. Every stage has a process of its own, in which nothing is
+remembered of another one. Processor time of the thread that opens, beside that of parsing all
+lines with `json.loads`; the first ratio is 10 when every point costs the same. The memory is the
+process's, with what the block takes that is adjusted in the background by then.
 """
 
 from __future__ import annotations
 
+import json
+import resource
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from functools import partial
+from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -90,43 +97,68 @@ def write(folder: Path, strips: int, photos: int) -> int:
     return count
 
 
-def measured(folder: Path) -> dict[str, float]:
-    """Return the seconds of what opening consists of, and of opening."""
-    times = {}
+def loads(folder: Path) -> None:
+    """Parse every line, and nothing else."""
+    for path in sorted((folder / "sessions").glob("*.jsonl")):
+        with path.open("rb") as file:
+            for line in file:
+                json.loads(line)
 
-    @contextmanager
-    def taken(what: str) -> Iterator[None]:
-        begin = time.thread_time()
-        yield
-        times[what] = time.thread_time() - begin
 
-    with taken("files alone"):
-        block = read_block(folder)
-    with taken("all lines"):
-        records = read_journal(folder, keep=lambda kind: kind in EVENT_KINDS).records
-    with taken("all events"):
-        restored(block, records)
-    for what, simulate in (("written", False), ("opened", False), ("simulated", True)):
-        plotter = SimulationSetup({photo.id: {} for photo in block.photos}) if simulate else None
-        with taken(what):
-            station = Station(folder, plotter=plotter, candidates={})
-        station.close()
-    return times
+def replayed(folder: Path) -> None:
+    """Make the state of all events, without a snapshot."""
+    records = read_journal(folder, keep=lambda kind: kind in EVENT_KINDS).records
+    restored(read_block(folder), records)
+
+
+def opened(folder: Path, *, simulate: bool = False) -> None:
+    """Open the block as the console does."""
+    photos = read_block(folder).photos if simulate else ()
+    plotter = SimulationSetup({photo.id: {} for photo in photos}) if simulate else None
+    Station(folder, plotter=plotter, candidates={}).close()
+
+
+STAGES: dict[str, Callable[[Path], object]] = {
+    "json.loads": loads,
+    "files alone": read_block,
+    "all events": replayed,
+    "written": opened,  # for the first time, image_points.csv too
+    "opened": opened,
+    "simulated": partial(opened, simulate=True),
+}
+
+
+def measured(what: str, folder: Path) -> tuple[float, float]:
+    """Return the seconds of a stage in this thread, and the largest memory [MB] of the process."""
+    begin = time.thread_time()
+    STAGES[what](folder)
+    taken = time.thread_time() - begin
+    return taken, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+
+
+def alone(work: Callable[..., Any], *arguments: object) -> Any:
+    """Return what a function returns in a process of its own: nothing is remembered there."""
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+        return pool.submit(work, *arguments).result()
 
 
 def main() -> None:
-    """Print times and ratios."""
+    """Print times, ratios and memory."""
+    sizes = [(2, 26), (13, 40)]
+    if len(sys.argv) > 2:
+        sizes[1] = int(sys.argv[1]), int(sys.argv[2])
     with tempfile.TemporaryDirectory() as name:
         days, counts = [], []
-        for strips, photos in ((2, 26), (13, 40)):
-            folder = Path(name) / str(strips)
-            counts.append(write(folder, strips, photos))
-            days.append(measured(folder))
+        for strips, photos in sizes:
+            folder = Path(name) / f"{strips}-{photos}"
+            counts.append(alone(write, folder, strips, photos))
+            days.append({what: alone(measured, what, folder) for what in STAGES})
     short, long = days
-    for what, seconds in long.items():
+    for what, (seconds, megabytes) in long.items():
         print(
-            f"{what:11} {counts[0]} points {1e3 * short[what]:7.1f} ms, {counts[1]} points "
-            f"{1e3 * seconds:7.1f} ms, ratio {seconds / short[what]:5.1f}"
+            f"{what:11} {counts[0]} points {1e3 * short[what][0]:7.1f} ms, {counts[1]} points "
+            f"{1e3 * seconds:8.1f} ms, ratio {seconds / short[what][0]:5.1f}, "
+            f"{seconds / long['json.loads'][0]:5.2f} times json.loads, {megabytes:5.0f} MB"
         )
 
 
