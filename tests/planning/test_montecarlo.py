@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -19,6 +22,7 @@ from anaplot.planning.modelscenarios import OneError, SizeOfTests
 from anaplot.planning.montecarlo import (
     MOST_RUNS,
     ChunkDone,
+    QuantityKey,
     Scenario,
     SimulatedMean,
     Sums,
@@ -56,6 +60,32 @@ def test_resumed_is_undisturbed_and_does_nothing_twice() -> None:
     longer = []
     simulate(SMALL, seed=3, runs=300, done=chunks, store=longer.append)
     assert [chunk.number for chunk in longer] == [4, 5]
+
+
+class Draws(NamedTuple):
+    """A scenario that tells what it draws."""
+
+    name: str = "draws"
+    about: str = ""
+    methods: tuple[str, ...] = ("m",)
+    runs: int = 9
+    chunk: int = 3
+    references: Mapping[QuantityKey, float] = MappingProxyType({})
+
+    def prepare(self) -> Draws:
+        return self
+
+    def run(self, rng: np.random.Generator, runs: int, methods: tuple[str, ...]) -> Tally:
+        return {("c", "m", "q"): sums(rng.random(runs))}
+
+
+def test_every_chunk_draws_from_a_child_of_the_seed() -> None:
+    chunks: list[ChunkDone] = []
+    simulate(Draws(), seed=5, store=chunks.append)
+    children = [np.random.default_rng(child) for child in np.random.SeedSequence(5).spawn(3)]
+    assert [chunk.tally["c", "m", "q"] for chunk in chunks] == [
+        sums(child.random(3)) for child in children
+    ]
 
 
 def test_many_chunks_are_thought_of_one_after_the_other(monkeypatch) -> None:
