@@ -18,6 +18,7 @@ __all__ = [
     "RowKey",
     "Side",
     "Strategy",
+    "SwitchedBy",
     "TestKind",
 ]
 
@@ -40,6 +41,9 @@ TestKind = Literal["tau", "baarda"]
 
 Strategy = Literal["baarda", "tau", "rms", "modified", "huber", "danish", "l1", "search", "odds"]
 """Name of a strategy for gross errors."""
+
+SwitchedBy = Literal[Strategy, "thin"]
+"""What `adjust --apply` gives as its reason: the strategy, or that the point was thinned out."""
 
 Progress = Callable[[str, float], None]
 """Told of a step and of how much of it is done (0 to 1); may raise to end the computation."""

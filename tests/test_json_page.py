@@ -32,6 +32,7 @@ RUNS = {
         "adjust g3b --given g3b.npz --posterior next.npz --gnss-shift strip",
         "adjust flown --calibrate c,k1 --calibrate-sigma c=0.1,k1=0.01 --plant 102:02-02:y:100",
         "adjust flown --additional auto",
+        "adjust flown --thin 0.2",
         "adjust tied --errors odds",
         "adjust tied --datum free",
         "adjust off",

@@ -1,4 +1,4 @@
-"""Rows that `anaplot adjust --errors NAME --apply` switched off; the reason says how they were."""
+"""Rows that `anaplot adjust --apply` switched off; the reason says how they were."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import cast, get_args
 
-from anaplot.aliases import Axis, Strategy
+from anaplot.aliases import Axis, SwitchedBy
 from anaplot.photogrammetry.block import ImagePoint, Use
 
 __all__ = [
@@ -19,12 +19,12 @@ __all__ = [
     "said_by",
 ]
 
-STRATEGIES: tuple[Strategy, ...] = get_args(Strategy)
+STRATEGIES: tuple[SwitchedBy, ...] = get_args(SwitchedBy)
 # before a strategy's name alone the row counted whole, and nobody had said anything of it
 _BEFORE = re.compile(r"(?P<name>\w+)(; before: (?P<use>xy|x|y)(, (?P<reason>.*))?)?", re.DOTALL)
 
 
-def said_by(reason: str | None) -> Strategy | None:
+def said_by(reason: str | None) -> SwitchedBy | None:
     """Return the strategy whose reason that is; None of a person's, and where there is none."""
     match = None if reason is None else _BEFORE.fullmatch(reason)
     return next((s for s in STRATEGIES if match is not None and s == match["name"]), None)
@@ -35,7 +35,7 @@ def rejects(row: ImagePoint) -> bool:
     return said_by(row.reason) is not None
 
 
-def rejecting_reason(strategy: Strategy, use: Use, reason: str | None) -> str:
+def rejecting_reason(strategy: SwitchedBy, use: Use, reason: str | None) -> str:
     """Return the reason of a row that a strategy rejects.
 
     Parameters
@@ -57,9 +57,9 @@ def as_before(row: ImagePoint, strategies: Iterable[str] = STRATEGIES) -> ImageP
     return row
 
 
-def rejected_axes(row: ImagePoint) -> Mapping[Axis, Strategy]:
+def rejected_axes(row: ImagePoint) -> Mapping[Axis, SwitchedBy]:
     """Return the coordinates of a row that strategies have switched off, and which did."""
-    out: dict[Axis, Strategy] = {}
+    out: dict[Axis, SwitchedBy] = {}
     axes: tuple[Axis, ...] = ("x", "y")
     while (strategy := said_by(row.reason)) is not None:
         before = _one_before(row)

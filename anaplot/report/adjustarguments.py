@@ -16,6 +16,7 @@ from anaplot.report.arguments import (
     planted,
     positive,
     positive_or_none,
+    redundancy_number,
     significance,
 )
 
@@ -206,6 +207,16 @@ def add_adjust_arguments(adjust: argparse.ArgumentParser) -> None:
         help="with --errors: add the odds over one and two gross errors",
     )
     adjust.add_argument(
+        "--thin",
+        nargs="?",
+        const=0.3,
+        type=redundancy_number,
+        metavar="R",
+        help="leave out as many tie points as can go while the mean redundancy number of every "
+        "photo, and of every ninth of its format, stays at least R, default 0.3; what is lost is "
+        "said",
+    )
+    adjust.add_argument(
         "--prior",
         choices=("known", "common", "separate"),
         metavar="FACTORS",
@@ -355,13 +366,14 @@ def add_apply_arguments(adjust: argparse.ArgumentParser) -> None:
     adjust.add_argument(
         "--apply",
         action="store_true",
-        help="with --errors: switch off in image_points.csv what is rejected (columns use and "
-        "reason); control is left to you",
+        help="with --errors or --thin: switch off in image_points.csv what is rejected or thinned "
+        "out (columns use and reason); control is left to you",
     )
     adjust.add_argument(
         "--apply-undo",
         action="store_true",
-        help="first take back what --apply switched off; with --errors NAME only what NAME did",
+        help="first take back what --apply switched off; with --errors NAME only what NAME did, "
+        "with --thin what that did",
     )
 
 

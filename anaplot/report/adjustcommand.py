@@ -76,6 +76,7 @@ from anaplot.report.power import check_power
 from anaplot.report.priorknowledge import prior_document
 from anaplot.report.running import BlockOrFolder, block_of
 from anaplot.report.snooping import snoop_block, snooping_document
+from anaplot.report.thinning import named_points, thinned, thinning_document
 from anaplot.session.photoaccidents import PhotoAccidentKind, photo_accidents
 from anaplot.textfiles.wholefile import all_or_nothing
 
@@ -113,6 +114,7 @@ def adjust(
     partner: float | None = None,
     as_given: bool = False,
     pairs: bool = False,
+    thin: float | None = None,
     prior: PriorEstimator | None = None,
     given: str | os.PathLike[str] | Posterior | None = None,
     given_without: str | Sequence[str] | None = None,
@@ -186,6 +188,10 @@ def adjust(
         Whether it cleans also where the a-priori sigma0 cannot be right.
     pairs
         Whether it adds the odds over pairs of gross errors.
+    thin
+        Leave out as many tie points as can go while the mean redundancy number of every photo, and
+        of every ninth of its format, stays at least this; None: none. Everything is told of the
+        block without them.
     prior
         Estimator for the block with its prior knowledge; None: all stated variances, and the sigma
         that the block's test says.
@@ -286,7 +292,7 @@ def adjust(
     settings = HypothesisSettings(hypothesis_alpha, measured.test.power)
     asked = functions_of(function or ())
     watch = progress if isinstance(progress, Watch) else Watch(progress)
-    cleaned = earlier = choice = None
+    cleaned = earlier = choice = thinning = None
     with naming_wrong_photos(measured, _NO_ACCIDENT):
         if errors is None:
             adjusted = adjust_block(measured, datum=datum, additional=chosen, progress=watch)
@@ -312,6 +318,14 @@ def adjust(
                     problem, errors, partner, pairs=pairs, as_given=as_given, watch=watch
                 )
             adjusted = cleaned.block
+        if thin is not None:
+            words = () if question is None else question.wanted
+            words += () if posterior is None else names_in(posterior_of or "points")
+            tests = error_sets_of(adjusted, test_set or ())
+            keep = named_points(adjusted, asked, tests, planted, words)
+            with watch.searching():
+                thinning = thinned(adjusted, thin, keep, watch)
+            adjusted = thinning.block
     estimated = None
     if prior is not None:
         estimated = prior_estimate(adjusted, prior, progress=watch)
@@ -352,6 +366,7 @@ def adjust(
         spread,
         offset_tests(adjusted, settings),
         control_pages(adjusted) if control_page else None,
+        thinning,
     )
     flagged = adjusted.any_flagged or len(found.rejected) > 0
     flagged = flagged or (agreed is not None and agreed.flagged)
@@ -490,6 +505,8 @@ def _document(found: BlockAdjustment, snooping: bool, correlations: float | None
         parts["functions"] = functions_document(found.functions)
     if found.errors is not None:
         parts["errors"] = errors_document(found.errors)
+    if found.thinning is not None:
+        parts["thinning"] = thinning_document(found.thinning)
     if found.errors_without_control is not None:
         parts["errors_without_control"] = _without_control(found.errors_without_control)
     return _whole(adjust_document(found.block, rejected), parts)
@@ -497,7 +514,8 @@ def _document(found: BlockAdjustment, snooping: bool, correlations: float | None
 
 # what a person reads after the block itself, in this order
 _ORDER = (
-    *("errors_without_control", "errors", "given", "choice", "calibration", "doming", "offsets"),
+    *("errors_without_control", "errors", "thinning", "given", "choice"),
+    *("calibration", "doming", "offsets"),
     *(
         "hypotheses",
         "control_pages",

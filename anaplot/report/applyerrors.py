@@ -1,4 +1,4 @@
-"""`anaplot adjust --errors NAME --apply`: what is rejected is switched off in image_points.csv."""
+"""`anaplot adjust --apply`: what is rejected or thinned out is switched off in image_points.csv."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from dataclasses import replace
 from pathlib import Path
 from typing import cast
 
-from anaplot.adjustment.strategies import STRATEGIES
 from anaplot.aliases import Strategy
 from anaplot.bundle.solve.observations import ORIENTATION, ObservationName
 from anaplot.errors import AnaplotError, InputError
 from anaplot.exchange.blockfolder import block_files, read_block, write_image_points
 from anaplot.exchange.lockfile import sessions_kept_out
-from anaplot.exchange.rejectedrows import as_before, rejecting_reason, said_by
+from anaplot.exchange.rejectedrows import STRATEGIES, as_before, rejecting_reason, said_by
 from anaplot.photogrammetry.block import ImagePoint
 from anaplot.report.adjustcommand import adjust
 from anaplot.report.columns import counted
 from anaplot.report.document import BLANK, Document, say
 from anaplot.report.output import Output
 from anaplot.report.running import computed, run_computation
+from anaplot.report.thinning import thinned_rows
 from anaplot.textfiles.wording import place, quoted
 
 __all__ = ["applied", "run_adjust", "taken_back"]
@@ -49,8 +49,8 @@ def run_adjust(options: argparse.Namespace) -> int:
         return run_computation(options, adjust, reads)
     if options.apply and options.apply_undo:
         raise InputError("--apply and --apply-undo: one of them")
-    if options.apply and options.errors is None:
-        raise InputError("--apply goes with --errors")
+    if options.apply and options.errors is None and options.thin is None:
+        raise InputError("--apply goes with --errors or --thin")
     with sessions_kept_out(folder):
         before = read_block(folder).image_points
         output = Output.of(options)
@@ -58,14 +58,19 @@ def run_adjust(options: argparse.Namespace) -> int:
         if options.apply_undo:
             return _undone(options, output, before)
         found = computed(options, adjust)
-        rows = applied(before, (row.name for row in found.result.rejected), options.errors)
+        rows = before
+        if options.errors is not None:
+            rejected = (row.name for row in found.result.rejected)
+            rows = applied(rows, rejected, options.errors)
+        if found.result.thinning is not None:
+            rows = thinned_rows(rows, frozenset(found.result.thinning.gone))
         _write(folder, before, rows)
     count = sum(now.use != then.use for now, then in zip(rows, before, strict=True))
     document = found.document
     said = say(
         "{} switched off in image_points.csv, with the reason {}; {}--apply-undo takes that back",
         counted(count, "image point is", "image points are"),
-        options.errors,
+        " or ".join(_reasons(options)),
         "" if options.datum == "control" else f"--datum {options.datum} ",
     )
     names = [row.name for row in found.result.rejected if row.name[0] != "image"]
@@ -82,6 +87,12 @@ def run_adjust(options: argparse.Namespace) -> int:
         )
     output.show(Document(answer, page, document.tables))
     return 1 if found.flagged and options.fail_on_flag else 0
+
+
+def _reasons(options: argparse.Namespace) -> tuple[str, ...]:
+    """Return what the options give as reasons for rows that are off."""
+    strategy = () if options.errors is None else (options.errors,)
+    return strategy if options.thin is None else (*strategy, "thin")
 
 
 def _way_out(names: Sequence[ObservationName]) -> str:
@@ -103,7 +114,7 @@ def _way_out(names: Sequence[ObservationName]) -> str:
 
 def _undone(options: argparse.Namespace, output: Output, before: tuple[ImagePoint, ...]) -> int:
     """Take back what was switched off, adjust without that and show it."""
-    names = STRATEGIES if options.errors is None else (options.errors,)
+    names = _reasons(options) or STRATEGIES
     rows = taken_back(before, names)
     _write(options.block, before, rows)
     count = sum(now != then for now, then in zip(rows, before, strict=True))

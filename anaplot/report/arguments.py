@@ -25,6 +25,7 @@ __all__ = [
     "planted",
     "positive",
     "positive_or_none",
+    "redundancy_number",
     "significance",
     "sizes",
     "versions",
@@ -197,6 +198,14 @@ def correlation(text: str) -> float:
     value = positive(text)
     if value > 1.0:
         raise argparse.ArgumentTypeError(f"{text!r} is no correlation: above 0, at most 1")
+    return value
+
+
+def redundancy_number(text: str) -> float:
+    """Return a number above 0 and below 1."""
+    value = positive(text)
+    if value >= 1.0:
+        raise argparse.ArgumentTypeError(f"{text!r} is no redundancy number: above 0, below 1")
     return value
 
 

@@ -19,6 +19,7 @@ from anaplot.bundle.hypotheses.priorknowledge import BlockPrior
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.covariances import Covariance
 from anaplot.bundle.solve.observations import ObservationName
+from anaplot.bundle.thinning.thinning import Thinning
 from anaplot.photogrammetry.posterior import Posterior
 from anaplot.report.correlations import RayPair
 from anaplot.report.covariance import (
@@ -38,7 +39,8 @@ class BlockAdjustment:
     Attributes
     ----------
     block
-        The adjusted block, without what is rejected: orientations, points, tested observations.
+        The adjusted block, without what is rejected or thinned out: orientations, points, tested
+        observations.
     hypotheses
         Tests of additional parameters, check points and control.
     errors
@@ -67,6 +69,8 @@ class BlockAdjustment:
         What the stated positions and angles have in common; None where nothing was asked for.
     control_pages
         Control and check points, each by itself; None where nobody asked.
+    thinning
+        Which points went, and what the block was with them; None where none were to go.
     """
 
     block: AdjustedBlock
@@ -85,6 +89,7 @@ class BlockAdjustment:
     asked_covariance: AskedCovariance | None = field(default=None, repr=False)
     offsets: OffsetTests | None = field(default=None, repr=False)
     control_pages: tuple[ControlPage, ...] | None = field(default=None, repr=False)
+    thinning: Thinning | None = field(default=None, repr=False)
 
     def covariance(
         self,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal, get_args
 
-from anaplot.aliases import Axis, Side, Strategy
+from anaplot.aliases import Axis, Side, SwitchedBy
 from anaplot.photogrammetry.platetransformation import TransformationName
 
 __all__ = [
@@ -311,8 +311,8 @@ class DecidedRow:
     on
         Whether it counts now.
     reason
-        The strategy for gross errors that rejected it; of a row that is on, whose rejection was
-        taken back.
+        The strategy for gross errors that rejected it, or "thin"; of a row that is on, whose
+        rejection was taken back.
     """
 
     left: PhotoName
@@ -320,7 +320,7 @@ class DecidedRow:
     point: str
     axis: Axis
     on: bool
-    reason: Strategy
+    reason: SwitchedBy
 
 
 @dataclass(frozen=True, slots=True)

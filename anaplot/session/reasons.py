@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, get_args
 
-from anaplot.aliases import Axis, Strategy
+from anaplot.aliases import Axis, SwitchedBy
 from anaplot.session.events import (
     Event,
     FiducialMeasured,
@@ -67,7 +67,7 @@ class RowReason(NamedTuple):
     model: str
     point: str
     axis: Axis
-    reason: Reason | Strategy
+    reason: Reason | SwitchedBy
 
 
 def last_change(

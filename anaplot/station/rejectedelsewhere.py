@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-from anaplot.aliases import Axis, Strategy
+from anaplot.aliases import Axis, SwitchedBy
 from anaplot.exchange.blockfolder import image_points_identity
 from anaplot.exchange.rejectedrows import STRATEGIES, as_before, rejected_axes, rejects, said_by
 from anaplot.photogrammetry.block import Block, ImagePoint
@@ -172,7 +172,7 @@ class _InFile:
     left: ImagePoint
     right: ImagePoint
     off: frozenset[Axis]
-    rejected: Mapping[Axis, Strategy]
+    rejected: Mapping[Axis, SwitchedBy]
 
     @property
     def point(self) -> str:

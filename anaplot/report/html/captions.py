@@ -34,6 +34,7 @@ _CAPTIONS = {
     "rays": "Image coordinates: residuals, redundancy numbers and tests",
     "rejected": "Rejected observations",
     "snooping_classes": "Classes of observations",
+    "thinning": "Photos before and after thinning",
 }
 
 _WORDS = {

@@ -26,6 +26,18 @@ _RED = Definition(
     "r = (Q_vv P)_ii, Q_vv = P^-1 - A (A'PA)^-1 A'; a residual changes by -r times the error",
     "Kratky and El-Hakim 1983, eq. (5), (6); Gruen 1978, eq. (11), (17)",
 )
+_MEAN_RED = Definition(
+    "mean redundancy number of the image coordinates of the photo, or of its worst ninth: with all "
+    "points, and with those that are left",
+    "mean of r = (Q_vv P)_ii",
+    "",
+)
+_THIN_S = Definition(
+    "standard deviation of the position for the a-priori sigma0, before and after in one datum",
+    "root of the mean of three squares",
+    "",
+)
+_MORE = Definition("by how much that grows where points are left out")
 _GIVEN_MINUS = "Gruen 1978, eq. (45), there with the opposite sign"
 _W = Definition(
     "standardized residual: the residual over its standard deviation; flagged beyond the critical "
@@ -330,6 +342,15 @@ _BY_TABLE: dict[tuple[str, str], Definition] = {
     **dict.fromkeys((("displacements", "length"), ("displacements", "s_length")), _LENGTH),
     **dict.fromkeys((("displacements", "P"), ("points", "P")), _MOVED),
     ("points", "moved"): Definition("from which epoch to which it has moved"),
+    ("thinning", "rays_before"): Definition("rays of the photo with all points"),
+    ("thinning", "rays"): Definition("rays that are left"),
+    ("thinning", "redn_before"): _MEAN_RED,
+    ("thinning", "redn"): _MEAN_RED,
+    ("thinning", "worst_before"): _MEAN_RED,
+    ("thinning", "worst"): _MEAN_RED,
+    ("thinning", "worst_region"): Definition("which ninth of the format that is now"),
+    **dict.fromkeys((("thinning", "s_before"), ("thinning", "s")), _THIN_S),
+    **dict.fromkeys((("thinning", "s_more"), ("thinning", "s_angle_more")), _MORE),
     **dict.fromkeys((("classes", "rays"), ("classes", "ray"), ("classes", "point")), _CLASS),
     ("classes", "number"): Definition("number of image coordinates of the class"),
     ("classes", "mean_root"): _ROOT,

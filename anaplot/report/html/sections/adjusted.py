@@ -26,6 +26,7 @@ _PARTS = (
     _Part("STEP 1", "errors-images", "Search for gross errors: the images, without control"),
     _Part("STEP 2", "errors-control", "Search for gross errors: control"),
     _Part("GROSS ERRORS", "errors", "Search for gross errors"),
+    _Part("THINNING", "thinning", "Points that were left out, and what that costs"),
     _Part("GIVEN", "given", "What was known from an earlier adjustment"),
     _Part("CHOICE", "choice", "How additional parameters were chosen"),
     _Part("CALIBRATION", "calibration", "Calibration of the cameras"),

@@ -1,0 +1,95 @@
+"""Photos and their regions, of whose rays the mean redundancy number is asked."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from anaplot.aliases import Array, Index
+from anaplot.bundle.solve.problem import Problem
+
+__all__ = ["REGIONS", "ImageParts", "image_parts"]
+
+REGIONS = 3
+"""Regions of a photo along either side: where von Gruber's points lie, and between them."""
+
+
+class ImageParts(NamedTuple):
+    """The photos of a bundle, and after them their regions that have rays.
+
+    Attributes
+    ----------
+    photos
+        How many there are: parts 0 ... photos - 1 are whole photos.
+    owner, cell
+        (parts,) photo of each, and its place on the grid, row by row from the upper left (x to the
+        right, y up); -1 of a whole photo.
+    region
+        (m,) the region in which each ray lies.
+    sums
+        (parts, m) sums over the rays of each part.
+    of_photo
+        The parts of each photo, itself among them.
+    """
+
+    photos: int
+    owner: Index
+    cell: Index
+    region: Index
+    sums: csr_array
+    of_photo: tuple[Index, ...]
+
+    def means(self, r: Array, counted: Index) -> Array:
+        """Return (parts,) means of (m, 2) redundancy numbers; NaN where no coordinate counts.
+
+        Parameters
+        ----------
+        r
+            (m, 2) zero where a coordinate does not count.
+        counted
+            (m,) how many coordinates of each ray count.
+        """
+        with np.errstate(invalid="ignore"):
+            out: Array = (self.sums @ r.sum(axis=1)) / (self.sums @ counted)
+        return out
+
+
+def image_parts(problem: Problem, side: int = REGIONS) -> ImageParts:
+    """Return the photos of a bundle with their regions, `side` by `side` on each format.
+
+    Of a camera without a format, what is measured in its photos spans the grid, whether it counts
+    or not: rays that are switched off move no border.
+    """
+    block, n, m = problem.block, len(problem.photos), len(problem.photo)
+    reach = np.array([_reach(problem, k) for k in range(len(block.cameras))])
+    half = reach[problem.cameras[problem.photo]]
+    place = np.floor((problem.ideal / half + 1.0) * (0.5 * side)).astype(np.intp)
+    column, row = np.clip(place, 0, side - 1).T
+    cells = side * side
+    key = problem.photo * cells + (side - 1 - row) * side + column
+    used, region = np.unique(key, return_inverse=True)
+    owner = np.concatenate((np.arange(n), used // cells))
+    cell = np.concatenate((np.full(n, -1), used % cells))
+    rays = np.arange(m)
+    rows = np.concatenate((problem.photo, n + region))
+    sums = csr_array((np.ones(2 * m), (rows, np.concatenate((rays, rays)))), shape=(len(owner), m))
+    order = np.argsort(owner, kind="stable")
+    ends = np.searchsorted(owner[order], np.arange(n + 1))
+    parts = tuple(order[ends[k] : ends[k + 1]] for k in range(n))
+    return ImageParts(n, owner, cell, n + region, sums, parts)
+
+
+def _reach(problem: Problem, camera: int) -> tuple[float, float]:
+    """Return the largest abs(x) and abs(y) [mm] of a camera's format, or of what it measured."""
+    block = problem.block
+    stated = block.cameras[camera]
+    if stated.format is not None:
+        return stated.reach()
+    mine = {photo.id for photo in block.photos if photo.camera == stated.id}
+    xy = np.array([(row.x, row.y) for row in block.image_points if row.photo in mine])
+    if len(xy) == 0:
+        return 1.0, 1.0
+    x, y = np.maximum(np.abs(xy).max(axis=0), 1e-9).tolist()
+    return x, y
