@@ -12,8 +12,10 @@ from typing import Generic, NamedTuple, Protocol, TypeVar, cast
 
 import numpy as np
 
+from anaplot.adjustment.apart import WithoutRows
 from anaplot.adjustment.elimination import NotSeparableError
 from anaplot.adjustment.findings import Findings, SearchSettings
+from anaplot.adjustment.foundapart import Apart
 from anaplot.adjustment.pairodds import pair_odds
 from anaplot.adjustment.residualsystem import MeasuredSystem, ResidualSystem
 from anaplot.adjustment.scale import AprioriSigma, ScaleError, check_scale
@@ -125,6 +127,10 @@ class Relinearised(Protocol[S, K, R]):
         """Return (n,) model values of sqrt(q_vv), see `find_gross_errors`."""
         ...
 
+    def apart(self, system: R, at: S) -> WithoutRows | None:
+        """Return how it is seen without some rows where these are cleaned apart; None: as one."""
+        ...
+
     def astray(self, error: NotComputableError) -> bool:
         """Whether an error of `without` means that the iteration diverged."""
         ...
@@ -229,7 +235,7 @@ class Cleaning(Generic[S, K, R]):
             system = self.subject.residuals(place, len(passes) + 1)
             if not passes and known is not None:
                 self._check_scale(system, None)
-            found = self._pass(system, place, barred, held)
+            found = self._pass(system, place, barred, held, draft=not passes)
             passes.append(found)
             names = _names(system, held)
             proposed = frozenset(names[row] for row in found.rows) | held
@@ -267,6 +273,8 @@ class Cleaning(Generic[S, K, R]):
         place: S,
         barred: Collection[K],
         held: frozenset[K],
+        *,
+        draft: bool,
     ) -> Findings:
         suspects = self.subject.suspects(system)
         if barred:
@@ -282,7 +290,12 @@ class Cleaning(Generic[S, K, R]):
             measured=self.subject.apriori.rows,
             watch=self.watch,
             weigh=False,
+            apart=self._apart(system, place, draft=draft),
         )
+
+    def _apart(self, system: R, place: S, *, draft: bool = False) -> Apart | None:
+        without = self.subject.apart(system, place)
+        return None if without is None else Apart(without, draft)
 
     def _check_scale(self, system: ResidualSystem, found: Findings | None) -> None:
         """Complain where the a-priori sigma cannot be right and the strategy tests by it."""
@@ -312,7 +325,9 @@ class Cleaning(Generic[S, K, R]):
         # else a row is gone that the proposal speaks of
         if tuple(there.names) == tuple(system.names):
             system = there
-            found = findings_at(found, there, self.settings, left_out=_rows(there, held))
+            apart = self._apart(system, known[out].solution)
+            rows = _rows(there, held)
+            found = findings_at(found, there, self.settings, left_out=rows, apart=apart)
         if len(found.rows) >= self.settings.room(system.redundancy):
             self._check_scale(system, found)
         said = why or (

@@ -45,6 +45,7 @@ from anaplot.adjustment.findings import (
     SearchSettings,
     SearchStep,
 )
+from anaplot.adjustment.foundapart import APART, Apart, found_apart, found_apart_at, stopped_at
 from anaplot.adjustment.leastabsolute import least_absolute_residuals
 from anaplot.adjustment.leftout import ReducedSystem, remaining, spread
 from anaplot.adjustment.modelvalues import MODEL_TOLERANCE
@@ -107,6 +108,7 @@ def find_gross_errors(
     measured: int | None = None,
     watch: Watch | None = None,
     weigh: bool = True,
+    apart: Apart | None = None,
 ) -> Findings:
     """Search for gross errors in an adjustment.
 
@@ -133,6 +135,9 @@ def find_gross_errors(
         Told how far it is; where it asks for the end, the best so far is returned.
     weigh
         Whether "odds" says how many of its rows are sure, or leaves that to `Findings.weighed`.
+    apart
+        How rows that do not touch are cleaned apart, by the strategies that can (`APART`); None:
+        as one.
 
     Raises
     ------
@@ -144,6 +149,8 @@ def find_gross_errors(
     if strategy not in STRATEGIES:
         raise ValueError(f"no strategy {strategy!r}; there are {', '.join(STRATEGIES)}")
     used = SearchSettings() if settings is None else settings
+    if apart is not None and strategy in APART and not used.pairs:
+        return found_apart(system, strategy, used, suspects, left_out, watch, apart)
     if left_out:
         system = ReducedSystem(system, left_out)
     n = len(system.e)
@@ -192,6 +199,7 @@ def findings_at(
     settings: SearchSettings | None = None,
     *,
     left_out: Collection[int] = (),
+    apart: Apart | None = None,
 ) -> Findings:
     """Say of the same rejected rows what is true of them in another linearisation.
 
@@ -204,9 +212,12 @@ def findings_at(
         Of a linearisation of the same rows in the same order.
     system
         The rows, linearised elsewhere.
-    settings, left_out
+    settings, left_out, apart
         As `find_gross_errors` had them.
     """
+    if apart is not None and findings.strategy in APART:
+        used = SearchSettings() if settings is None else settings
+        return found_apart_at(findings, system, used, left_out, apart)
     if left_out:
         system = ReducedSystem(system, left_out)
     state = Elimination(system)
@@ -318,8 +329,7 @@ class _Task:
         w = np.where(self.suspects, np.abs(state.w), np.nan)
         if not np.nanmax(w, initial=0.0) > self.critical:
             return ()
-        why = ", half of the redundancy" if asked is None or self.most < asked else ""
-        return (f"stopped at {self.most} rejected rows{why}; there may be more errors",)
+        return (stopped_at(self.most, asked),)
 
 
 class _End(NamedTuple):

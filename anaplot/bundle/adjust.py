@@ -21,7 +21,7 @@ from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.linearised import linearise, objective
 from anaplot.bundle.solve.openmovement import held_by_noise, parameters_left_open
 from anaplot.bundle.solve.problem import Datum, Problem, make_problem
-from anaplot.bundle.solve.reliability import compute_cofactors
+from anaplot.bundle.solve.reliability import Cofactors, compute_cofactors
 from anaplot.bundle.solve.structure import Structure, make_structure
 from anaplot.bundle.start.approximate import (
     approximate_ways,
@@ -509,6 +509,7 @@ def evaluate(
     found: Minimum,
     *,
     robust: BlockState | None = None,
+    cofactors: Cofactors | None = None,
     progress: Progress | None = None,
 ) -> AdjustedBlock:
     """Compute cofactors, tests and remarks at a minimum.
@@ -519,16 +520,19 @@ def evaluate(
         The bundle and its minimum.
     robust
         A robust solution, if there is one: where the search for gross errors starts.
+    cofactors
+        Those of the minimum in the datum of the solution, where they are known.
     progress
         Called with what is being done and the fraction of it.
     """
     change = None if found.anchor is None else datum_change(problem, found.state, found.anchor)
-    cofactors = compute_cofactors(
-        found.normal,
-        found.factor,
-        change,
-        None if progress is None else (lambda f: progress("reliability", f)),
-    )
+    if cofactors is None or change is not None:
+        cofactors = compute_cofactors(
+            found.normal,
+            found.factor,
+            change,
+            None if progress is None else (lambda f: progress("reliability", f)),
+        )
     linear = found.normal.linear
     redundancy = problem.redundancy
     vtpv = linear.vtpv

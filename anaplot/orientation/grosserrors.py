@@ -196,6 +196,9 @@ class _ModelRows:
         """Return model values of the ideal model with the same points."""
         return ideal_roots(at, system.names)
 
+    def apart(self, system: ModelResiduals, at: ModelSolution) -> None:
+        """Return None: a model is cleaned as one."""
+
     def astray(self, error: NotComputableError) -> bool:
         """Whether the iteration has lost its way: one that has none tries the next set."""
         return False

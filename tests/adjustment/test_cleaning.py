@@ -65,6 +65,9 @@ class Circle:
     def model_values(self, system: ResidualSystem, at: np.ndarray) -> np.ndarray:
         return np.full(len(system.names), np.nan)
 
+    def apart(self, system: ResidualSystem, at: np.ndarray) -> None:
+        return None
+
     def astray(self, error: NotComputableError) -> bool:
         return False
 

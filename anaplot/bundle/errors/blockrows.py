@@ -2,42 +2,70 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
+from anaplot.adjustment.apart import WithoutRows
 from anaplot.adjustment.cleaning import SolvedWithout
 from anaplot.adjustment.scale import AprioriSigma
 from anaplot.adjustment.watch import Watch
 from anaplot.aliases import Array, Bools
 from anaplot.bundle.errors.leftout import without
+from anaplot.bundle.errors.parted import BlockParts, can_be_parted
 from anaplot.bundle.errors.snooping import model_values
+from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.datum import anchor, check_datum
 from anaplot.bundle.solve.factor import NotPositiveError
 from anaplot.bundle.solve.gaussnewton import Minimum, NoConvergenceError, find_minimum
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.linearised import linearise
 from anaplot.bundle.solve.normal import NormalEquations, PointError
-from anaplot.bundle.solve.observations import ObservationName
+from anaplot.bundle.solve.observations import ObservationName, Observations
 from anaplot.bundle.solve.openmovement import undetermined
 from anaplot.bundle.solve.problem import Problem
-from anaplot.bundle.solve.residuals import BlockResiduals, block_residuals
+from anaplot.bundle.solve.reliability import Cofactors, compute_cofactors
+from anaplot.bundle.solve.residuals import BlockResiduals, block_residuals, residuals_at
 from anaplot.bundle.solve.structure import Structure
 from anaplot.errors import NotComputableError
 
-__all__ = ["BlockPlace", "BlockRows"]
+__all__ = ["MOST_ROWS_AS_ONE", "BlockPlace", "BlockRows"]
 
 
-class BlockPlace(NamedTuple):
+MOST_ROWS_AS_ONE = 10_000
+"""Observations of a block up to which its rows are cleaned as one, not apart."""
+
+
+@dataclass(frozen=True, eq=False)
+class BlockPlace:
     """Where a block lies; the minimum that was found, None where it was given."""
 
     state: BlockState
     found: Minimum | None
 
+    @cached_property
+    def cofactors(self) -> Cofactors | None:
+        """Those of the minimum, in the datum of the solution; None where it was given."""
+        if self.found is None:
+            return None
+        return compute_cofactors(self.found.normal, self.found.factor)
+
 
 class BlockRows:
-    """A block as it is cleaned; see `Relinearised`."""
+    """A block as it is cleaned; see `Relinearised`.
+
+    Parameters
+    ----------
+    problem, structure
+        The bundle with all rows, and the structure of its equations.
+    watch
+        Told how far it is.
+    control_only
+        Whether image coordinates are not suspected.
+    first
+        The bundle adjusted with all rows: its cofactors serve the pass that begins there.
+    """
 
     def __init__(
         self,
@@ -46,10 +74,12 @@ class BlockRows:
         watch: Watch,
         *,
         control_only: bool,
+        first: AdjustedBlock | None = None,
     ) -> None:
         self.problem, self.structure = problem, structure
         self._watch, self._control_only = watch, control_only
         self._system: BlockResiduals | None = None
+        self._first = first
         block = problem.block
         # control, priors and conditions may be far better, or worse, than they say
         rows = 2 * len(problem.photo)
@@ -58,6 +88,10 @@ class BlockRows:
     def residuals(self, at: BlockPlace, number: int) -> BlockResiduals:
         """Return all rows, linearised at a place."""
         label = f"gross errors, pass {number}"
+        first, self._first = self._first, None
+        if first is not None and at.state is first.state and first.cofactors.change is None:
+            self._system = residuals_at(first.cofactors)
+            return self._system
         try:
             self._system = block_residuals(
                 self.problem,
@@ -69,16 +103,16 @@ class BlockRows:
             raise self._open(self.problem, at.state, error) from error
         return self._system
 
-    @cached_property
-    def rows(self) -> dict[ObservationName, int]:
-        """Row of every name; the same in every linearisation."""
+    @property
+    def rows(self) -> Observations:
+        """Which observations the rows are; the same in every linearisation."""
         assert self._system is not None
-        return {name: row for row, name in enumerate(self._system.names)}
+        return self._system.rows
 
     def problem_without(self, out: frozenset[ObservationName]) -> Problem:
         """Return the bundle without some rows."""
         assert self._system is not None
-        return without(self._system, frozenset(self.rows[name] for name in out))
+        return without(self._system, frozenset(map(self.rows.row_of, out)))
 
     def without(
         self, out: frozenset[ObservationName], near: BlockPlace
@@ -105,6 +139,12 @@ class BlockRows:
     def model_values(self, system: BlockResiduals, at: BlockPlace) -> Array:
         """Return model values by the classes of 1980."""
         return model_values(system)
+
+    def apart(self, system: BlockResiduals, at: BlockPlace) -> WithoutRows | None:
+        """Return how it is seen without some rows, of a block too large to be cleaned as one."""
+        if len(system.e) <= MOST_ROWS_AS_ONE or not can_be_parted(self.problem):
+            return None
+        return BlockParts(system, at.state, self.structure, at.cofactors)
 
     def astray(self, error: NotComputableError) -> bool:
         """Whether there was no minimum to be found."""

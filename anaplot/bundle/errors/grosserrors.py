@@ -222,16 +222,25 @@ def block_gross_errors(
     if control_only:
         held = frozenset(missing(every, problem))
     watch = Watch() if watch is None else watch
-    subject = BlockRows(every, first.cofactors.normal.structure, watch, control_only=control_only)
     # the first adjustment is the minimum without what is held, unless it lacks something else
+    whole = not begun.left_out and not missing(every, problem)
     complete = not begun.left_out and (control_only or not problem.newly_rejected.any())
+    subject = BlockRows(
+        every,
+        first.cofactors.normal.structure,
+        watch,
+        control_only=control_only,
+        first=first if whole else None,
+    )
     cleaning = Cleaning(subject, strategy, used, watch, as_given)
     end = _best_end(cleaning, subject, first, held, complete=complete)
     cleaned, found = first, end.solved.solution.found
     if found is not None:
-        cleaned = evaluate(subject.problem_without(end.out), found)
+        # at scale they are known from the last pass
+        known = vars(end.solved.solution).get("cofactors")
+        cleaned = evaluate(subject.problem_without(end.out), found, cofactors=known)
     went = [cast("ObservationName", one.name) for one in end.findings.rejected]
-    others = sorted(end.out.difference(held, went), key=lambda name: subject.rows[name])
+    others = sorted(end.out.difference(held, went), key=subject.rows.row_of)
     rejected = (*others, *went)
     misnamed = misnamed_rays(cleaned, rejected, watch)
     return BlockFindings(end, rejected, cleaned, begun, used, held, misnamed)

@@ -17,18 +17,22 @@ import numpy as np
 
 from anaplot.adjustment.significance import critical_normal
 from anaplot.adjustment.watch import Watch
-from anaplot.aliases import Array
+from anaplot.aliases import Array, Bools, Index
 from anaplot.bundle.adjust import adjust_problem
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.imaging import imaged, seen_places
 from anaplot.bundle.solve.observations import ObservationName
+from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.remade import laid_out_again
 from anaplot.errors import NotComputableError
 
 __all__ = ["MisnamedRay", "misnamed_rays"]
 
 _NEAR = 50.0  # sigmas: that far from where a point is seen a ray may still be its own
+_SURE = 5.0  # sigmas from there beyond which it is not, where other rays place the point
+_ENOUGH = 3  # rays that do
 _MOST = 6  # that are tried, the largest errors first
+_FEW = 5_000  # points of a block that are all looked for in a photo
 
 
 class MisnamedRay(NamedTuple):
@@ -102,20 +106,15 @@ def _rejected_rays(
     block: AdjustedBlock, rejected: Collection[ObservationName]
 ) -> dict[int, frozenset[str]]:
     """Return the rejected axes by row of the block's image points, the largest errors first."""
-    names = {
-        (row.photo, row.point, row.model): k
-        for k, row in enumerate(block.problem.block.image_points)
-    }
     axes: dict[int, set[str]] = {}
-    for kind, *rest in rejected:
-        if kind == "image":
-            photo, point, model, axis = rest
-            axes.setdefault(names[str(photo), str(point), model], set()).add(str(axis))
-    size = {
-        int(row): float(np.abs(v).max())
-        for row, v in zip(block.problem.source, block.v, strict=True)
-    }
-    order = sorted(axes, key=lambda row: -size.get(row, np.inf))
+    size: dict[int, float] = {}
+    for name in rejected:
+        if name[0] == "image":
+            ray = block.observations.row_of(name) // 2
+            row = int(block.problem.source[ray])
+            axes.setdefault(row, set()).add(str(name[-1]))
+            size[row] = float(np.abs(block.v[ray]).max())
+    order = sorted(axes, key=lambda row: -size[row])
     return {row: frozenset(axes[row]) for row in order}
 
 
@@ -124,17 +123,22 @@ def _candidates(block: AdjustedBlock, rows: Sequence[int]) -> Iterator[_Candidat
     problem, state = block.problem, block.state
     points = problem.block.image_points
     seen = imaged(problem, state).xy
-    ray_of = {int(row): ray for ray, row in enumerate(problem.source)}
-    near = _NEAR * float(np.median(problem.sigma))
+    ray_of = dict(zip(problem.source.tolist(), range(len(problem.source)), strict=True))
+    sigma = float(np.median(problem.sigma))
+    placed = _Placed(problem)
     given: set[frozenset[int]] = set()
     for row in rows:
         ray = ray_of.get(row)
         if ray is None:
             continue
-        photo = problem.photo[ray]
-        others = np.flatnonzero((problem.photo == photo) & (problem.point != problem.point[ray]))
-        off = np.minimum(_far(problem.xy[others], seen[ray]), _far(seen[others], problem.xy[ray]))
-        for other in others[np.argsort(off)][: np.count_nonzero(off < near)].tolist():
+        photo, own = int(problem.photo[ray]), int(problem.point[ray])
+        there = placed.rays(photo)
+        others = there[problem.point[there] != own]
+        as_other, instead = _far(seen[others], problem.xy[ray]), _far(problem.xy[others], seen[ray])
+        off: Array = np.minimum(instead, as_other)
+        off[placed.elsewhere(problem.point[others], as_other, sigma)] = np.inf
+        off[placed.elsewhere(np.full(len(others), own), instead, sigma)] = np.inf
+        for other in others[np.argsort(off)][: np.count_nonzero(off < _NEAR * sigma)].tolist():
             partner = int(problem.source[other])
             same = points[partner].model == points[row].model
             if same and frozenset((row, partner)) not in given:
@@ -142,11 +146,60 @@ def _candidates(block: AdjustedBlock, rows: Sequence[int]) -> Iterator[_Candidat
                 yield _Candidate(row, points[partner].point, partner)
         if problem.lens_units is not None:
             continue  # only where points are seen that are measured there can be told
-        places = seen_places(problem, state, int(photo), state.points).xy
-        held = set(problem.point[problem.photo == photo].tolist())
-        for at in np.flatnonzero(_far(places, problem.xy[ray]) < near).tolist():
-            if at not in held:
-                yield _Candidate(row, problem.points[at], None)
+        around = placed.points_around(photo)
+        far = _far(seen_places(problem, state, photo, state.points[around]).xy, problem.xy[ray])
+        far[placed.elsewhere(around, far, sigma)] = np.inf
+        for at in around[far < _NEAR * sigma].tolist():
+            yield _Candidate(row, problem.points[at], None)
+
+
+class _Placed:
+    """Rays and points of the photos of a bundle, and which points other rays place.
+
+    Parameters
+    ----------
+    problem
+        The bundle, without what is rejected.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        self._problem = problem
+        self._order = np.argsort(problem.photo, kind="stable")
+        self._starts = np.searchsorted(
+            problem.photo[self._order], np.arange(len(problem.photos) + 1)
+        )
+        whole: Bools = np.ones(len(problem.photo), dtype=bool)
+        if problem.rejected is not None:
+            whole &= ~problem.rejected.any(axis=1)
+        self._enough = np.bincount(problem.point[whole], minlength=len(problem.points)) > _ENOUGH
+        self._around: dict[int, Index] = {}
+
+    def rays(self, photo: int) -> Index:
+        """Return the rays of a photo, ascending."""
+        return self._order[self._starts[photo] : self._starts[photo + 1]]
+
+    def points_around(self, photo: int) -> Index:
+        """Return the points that a photo lacks, of a large block those of photos beside it."""
+        if photo not in self._around:
+            problem, mine = self._problem, np.zeros(len(self._problem.points), dtype=bool)
+            near = ~mine
+            mine[problem.point[self.rays(photo)]] = True
+            if len(mine) > _FEW:
+                beside = np.zeros(len(problem.photos), dtype=bool)
+                beside[problem.photo[mine[problem.point]]] = True
+                near[:] = False
+                near[problem.point[beside[problem.photo]]] = True
+            self._around[photo] = np.flatnonzero(near & ~mine)
+        return self._around[photo]
+
+    def elsewhere(self, points: Index, far: Array, sigma: float) -> Bools:
+        """Return which points are surely not what was measured that far from where they are seen.
+
+        What other rays place is seen with less than the sigma of a measurement: the difference has
+        less than one and a half, and the test is passed up to its critical value.
+        """
+        out: Bools = self._enough[points] & (far > _SURE * sigma)
+        return out
 
 
 def _far(places: Array, place: Array) -> Array:

@@ -168,6 +168,34 @@ class Observations:
         group, index = divmod(number, len(labels))
         return ("prior", problem.additional_groups[group], labels[index])
 
+    def row_of(self, name: ObservationName) -> int:
+        """Return the row of an identity.
+
+        Raises
+        ------
+        KeyError
+            There is none.
+        """
+        if name[0] != "image":
+            return self._others[name]
+        problem, (_, photo, point, model, axis) = self.problem, name
+        at = self._points[str(point)]
+        first, end = np.searchsorted(problem.point, (at, at + 1)).tolist()
+        for ray in range(first, end):
+            measured = problem.block.image_points[int(problem.source[ray])]
+            if (measured.photo, measured.model) == (photo, model):
+                return 2 * ray + "xy".index(str(axis))
+        raise KeyError(name)
+
+    @cached_property
+    def _points(self) -> dict[str, int]:
+        return {point: k for k, point in enumerate(self.problem.points)}
+
+    @cached_property
+    def _others(self) -> dict[ObservationName, int]:
+        """Rows of what is no image coordinate."""
+        return {self.name(row): row for row in range(self.image, self.count)}
+
     @cached_property
     def sigma(self) -> Array:
         """(n,) a-priori standard deviations in the units."""

@@ -22,7 +22,6 @@ from anaplot.adjustment.residualsystem import WeightedAdjustments
 from anaplot.aliases import Array, Index
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.datum import anchor
-from anaplot.bundle.solve.factor import Factor
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.linearised import Linearised, linearise
 from anaplot.bundle.solve.normal import NormalEquations
@@ -33,11 +32,7 @@ from anaplot.bundle.solve.reliability import Cofactors, compute_cofactors
 from anaplot.bundle.solve.reweighted import ReweightedBlock
 from anaplot.bundle.solve.structure import Structure
 
-__all__ = [
-    "BlockResiduals",
-    "block_residuals",
-    "residuals_of",
-]
+__all__ = ["BlockResiduals", "block_residuals", "designed", "residuals_at", "residuals_of"]
 
 
 _PORTION = 60_000_000  # bytes of the largest array while columns are solved for
@@ -135,7 +130,7 @@ class BlockResiduals:
         normal, factor, k = self.cofactors.normal, self.cofactors.factor, points.shape[2]
         photos = np.zeros((len(self.problem.photos), self.problem.per_photo, k))
         found = normal.solve(factor, photos, points, np.zeros((len(normal.corner), k)))
-        rows = _designed(self, *found)
+        rows = designed(self, *found)
         update = normal.update(factor)
         if update is not None:
             # G M^-1 G' has been taken away: what is left of G' by an error of the contrasts
@@ -226,7 +221,7 @@ class BlockResiduals:
         )
         linear = normal.linear
         photos, points, shared = normal.step(factor)
-        moved = _designed(there, photos[:, :, None], points[:, :, None], shared[:, None])
+        moved = designed(there, photos[:, :, None], points[:, :, None], shared[:, None])
         left = -(self.gathered(linear, normal.conditions_left(factor)) + moved[:, 0])
         vtpv = float(left @ left)
         if linear.given is not None:
@@ -256,7 +251,7 @@ class BlockResiduals:
         cofactors = self.cofactors
         photos, points, shared = self._sides(rows)
         x, p, s = cofactors.normal.solve(cofactors.factor, photos, points, shared)
-        out: Array = -_designed(self, x, p, s)
+        out: Array = -designed(self, x, p, s)
         out[rows, np.arange(len(rows))] += 1.0
         if cofactors.normal.linear.offsets is not None:
             out -= self._by_offsets(cofactors.normal.linear.offsets, rows)
@@ -268,7 +263,7 @@ class BlockResiduals:
         contrasts = update.equations.contrasts
         mine = np.flatnonzero(rows >= fourth)
         # R between the conditions and all other rows
-        beside = (contrasts @ (_designed(self, *update.gain)[:fourth] @ update.inner).T).T
+        beside = (contrasts @ (designed(self, *update.gain)[:fourth] @ update.inner).T).T
         out[:fourth, mine] = -beside[:, rows[mine] - fourth]
         others = np.flatnonzero(rows < fourth)
         out[fourth:, others] = -beside[rows[others]].T
@@ -348,8 +343,8 @@ def _between(rows: Index, first: int, end: int) -> Index:
     return np.flatnonzero((rows >= first) & (rows < end))
 
 
-def _designed(system: BlockResiduals, x: Array, p: Array, s: Array) -> Array:
-    """(n, k): the design times k solutions of photos, points and shared ones; not of conditions."""
+def designed(system: BlockResiduals, x: Array, p: Array, s: Array) -> Array:
+    """Return (n, k): the design times k solutions of all unknowns; not of conditions."""
     normal, problem = system.cofactors.normal, system.problem
     linear = normal.linear
     k = x.shape[2]
@@ -414,8 +409,18 @@ def block_residuals(
     weights = anchor(problem, state).weights if problem.defect else None
     linear = linearise(problem, state)
     normal = NormalEquations(problem, structure, linear, 0.0, weights)
-    factor: Factor = normal.factor()
-    cofactors = compute_cofactors(normal, factor, progress=progress)
+    return residuals_at(compute_cofactors(normal, normal.factor(), progress=progress))
+
+
+def residuals_at(cofactors: Cofactors) -> BlockResiduals:
+    """See a block from the side of its residuals where its cofactors are known.
+
+    Parameters
+    ----------
+    cofactors
+        In the datum of the solution; nothing is rejected in them but what is off.
+    """
+    normal, problem = cofactors.normal, cofactors.normal.problem
     rows = observations_of(cofactors)
     own = problem.photo_invariant
     held = cofactors.r_own if own else cofactors.r_shared

@@ -72,14 +72,14 @@ class Structure:
     pairs: Index
 
     def among(self, photos: Index, blocks: Array) -> Array:
-        """Return (k d, k d) of k photos, each seen with each, from (all, d, d) blocks."""
-        n, d = self.by_photo.shape[0], blocks.shape[1]
-        ids = _ids(self.pairs, photos[:, None] * n + photos)
+        """Return (..., k d, k d) of (..., k) photos, each with each, from (all, d, d) blocks."""
+        n, d, k = self.by_photo.shape[0], blocks.shape[1], photos.shape[-1]
+        ids = _ids(self.pairs, photos[..., :, None] * n + photos[..., None, :])
         flipped = ids < 0
-        ids[flipped] = ids.T[flipped]
+        ids[flipped] = ids.swapaxes(-1, -2)[flipped]
         each = blocks[ids]
         each[flipped] = each[flipped].transpose(0, 2, 1)
-        out: Array = each.transpose(0, 2, 1, 3).reshape(len(photos) * d, len(photos) * d)
+        out: Array = each.swapaxes(-3, -2).reshape(*photos.shape[:-1], k * d, k * d)
         return out
 
 

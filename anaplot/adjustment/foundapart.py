@@ -1,0 +1,189 @@
+"""What is said of rows that were cleaned apart: as of those cleaned as one, place by place."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Hashable, Sequence
+from math import sqrt
+from typing import NamedTuple
+
+import numpy as np
+
+from anaplot.adjustment.apart import (
+    ApartEnd,
+    RowsGiven,
+    WithoutRows,
+    clean_apart,
+    standardized,
+)
+from anaplot.adjustment.elimination import Elimination
+from anaplot.adjustment.findings import (
+    FinalStatistics,
+    Findings,
+    HardToTell,
+    Rejection,
+    SearchSettings,
+    SearchStep,
+)
+from anaplot.adjustment.leftout import remaining, spread
+from anaplot.adjustment.reliability import ERROR_PRIOR_SIGMAS
+from anaplot.adjustment.residualsystem import ResidualSystem
+from anaplot.adjustment.significance import TESTABLE, critical_normal
+from anaplot.adjustment.tested import Odds, error_odds
+from anaplot.adjustment.watch import Watch
+from anaplot.aliases import Bools
+
+__all__ = ["APART", "Apart", "found_apart", "found_apart_at", "stopped_at"]
+
+
+APART = ("baarda", "search")
+"""Strategies that clean rows apart."""
+
+
+class Apart(NamedTuple):
+    """How rows that do not touch are cleaned apart.
+
+    Attributes
+    ----------
+    without
+        Adjusts without some rows.
+    draft
+        Whether what is found is but the next place to linearise at, not the end.
+    """
+
+    without: WithoutRows
+    draft: bool = False
+
+
+def stopped_at(most: int, asked: int | None) -> str:
+    """Return the remark that more rows than `most` may be wrong; `asked` for were so many."""
+    why = ", half of the redundancy" if asked is None or most < asked else ""
+    return f"stopped at {most} rejected rows{why}; there may be more errors"
+
+
+def found_apart(
+    system: ResidualSystem,
+    strategy: str,
+    settings: SearchSettings,
+    suspects: Bools | None,
+    left_out: Collection[int],
+    watch: Watch | None,
+    apart: Apart,
+) -> Findings:
+    """Search for gross errors, rows that do not touch apart.
+
+    Parameters
+    ----------
+    system, strategy, settings, suspects, left_out, watch, apart
+        As `find_gross_errors` has them; the strategy is one of `APART`.
+    """
+    n, most = len(system.e), settings.room(system.redundancy - len(left_out))
+    allowed = np.ones(n, dtype=bool) if suspects is None else suspects
+    end = clean_apart(
+        apart.without,
+        allowed,
+        most,
+        settings.alpha,
+        Watch() if watch is None else watch,
+        held=left_out,
+        draft=apart.draft,
+        best=strategy == "search",
+    )
+    if len(end.rows) >= most:
+        size = np.where(allowed, standardized(end.given, [*end.rows, *left_out]), np.nan)
+        size[[*end.rows, *left_out]] = np.nan
+        if np.nanmax(size, initial=0.0) > critical_normal(settings.alpha):
+            end = end._replace(remarks=(*end.remarks, stopped_at(most, settings.most)))
+    return _findings(system, strategy, settings, left_out, apart, end)
+
+
+def found_apart_at(
+    findings: Findings,
+    system: ResidualSystem,
+    settings: SearchSettings,
+    left_out: Collection[int],
+    apart: Apart,
+) -> Findings:
+    """Say of the same rejected rows what is true of them in another linearisation."""
+    rows = tuple(sorted(findings.rows))
+    given = apart.without.adjusted(sorted({*rows, *left_out}))
+    end = ApartEnd(given, rows, list(findings.steps), findings.remarks)
+    return _findings(system, findings.strategy, settings, left_out, apart, end)
+
+
+def _findings(
+    system: ResidualSystem,
+    strategy: str,
+    settings: SearchSettings,
+    left_out: Collection[int],
+    apart: Apart,
+    end: ApartEnd,
+) -> Findings:
+    n = len(system.e)
+    e, r = system.e, system.r
+    if left_out:
+        begun = apart.without.adjusted(sorted(left_out))
+        e, r = begun.e.copy(), begun.r.copy()
+        e[list(left_out)], r[list(left_out)] = 0.0, 0.0
+    rows, testable = remaining(n, left_out), r >= TESTABLE
+    size = np.full(n, np.nan)
+    size[testable] = np.abs(e[testable]) / np.sqrt(r[testable])
+    f = system.redundancy - len(left_out)
+    single = error_odds(ERROR_PRIOR_SIGMAS**2 * r[rows], size[rows], f, "baarda")
+    rejected, partners = _retraced(system.names, end, settings.partner)
+    return Findings(
+        strategy=strategy,
+        steps=tuple(end.steps),
+        rejected=rejected,
+        hard_to_tell=partners,
+        untestable=tuple(np.flatnonzero(~testable).tolist()),
+        at_end=_at_end(end.given, [*end.rows], list(left_out), f - len(end.rows)),
+        odds=Odds(spread(single.rows, rows, n), single.none),
+        remarks=end.remarks,
+    )
+
+
+def _at_end(given: RowsGiven, out: list[int], held: list[int], f: int) -> FinalStatistics:
+    w, r = standardized(given, [*out, *held]), given.r.copy()
+    w[held], r[held] = np.nan, 0.0
+    w *= np.sign(given.e)
+    return FinalStatistics(w, r, sqrt(given.vtpv / f) if f > 0 else None, f, given.vtpv)
+
+
+def _retraced(
+    names: Sequence[Hashable], end: ApartEnd, limit: float
+) -> tuple[tuple[Rejection[Hashable], ...], tuple[HardToTell, ...]]:
+    """Say of each row which step took it out, and how it stood in its place just before."""
+    last: dict[int, tuple[int, SearchStep]] = {}
+    for number, step in enumerate(end.steps):
+        if step.action != "drop":
+            last.update((row, (number, step)) for row in step.rows)
+    out = frozenset(end.rows)
+    numbers = {number: k for k, number in enumerate(sorted({last[row][0] for row in end.rows}), 1)}
+    rows = np.array(end.rows, dtype=np.intp)
+    found: dict[int, Rejection[Hashable]] = {}
+    alike: dict[int, list[HardToTell]] = {}
+    for place in end.given.places(np.unique(end.given.places_of(rows))):
+        before = Elimination(place.system)
+        mine = [(i, row) for i, row in enumerate(place.rows.tolist()) if row in out]
+        for i, row in sorted(mine, key=lambda one: (last[one[1]][0], one[0])):
+            number, step = last[row]
+            rho = np.nan_to_num(before.correlations(i))
+            others = [int(k) for k in np.flatnonzero(np.abs(rho) >= limit)]
+            kept = [k for k in others if int(place.rows[k]) not in out]
+            alike[row] = [HardToTell(row, int(place.rows[k]), float(rho[k])) for k in kept]
+            found[row] = Rejection(
+                row,
+                names[row],
+                numbers[number],
+                step.statistic,
+                step.critical,
+                float(end.given.e[row]),
+                float(end.given.r[row] ** -0.5),
+                r=float(before.r[i]),
+                partners=tuple(names[int(place.rows[k])] for k in kept),
+            )
+            before.add(i)
+    ordered = sorted(end.rows, key=lambda row: (last[row][0], last[row][1].rows.index(row)))
+    return tuple(found[row] for row in ordered), tuple(
+        pair for row in ordered for pair in alike[row]
+    )

@@ -1,0 +1,214 @@
+"""Rows that do not touch are cleaned apart: as one by one, and exactly."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bundleblocks import aerial
+
+from anaplot.adjustment.elimination import Elimination
+from anaplot.adjustment.findings import SearchSettings
+from anaplot.adjustment.significance import critical_normal
+from anaplot.adjustment.watch import Watch
+from anaplot.bundle.adjust import adjust_bundle
+from anaplot.bundle.errors import blockrows
+from anaplot.bundle.errors.grosserrors import block_gross_errors
+from anaplot.bundle.errors.parted import BlockParts
+from anaplot.bundle.solve.additional import additional_parameters
+from anaplot.bundle.solve.problem import make_problem
+from anaplot.bundle.solve.residuals import block_residuals
+from anaplot.photogrammetry.block import ControlPoint
+
+CRITICAL = critical_normal(0.001)
+
+
+def with_priors(scene):
+    """Every second photo stated to 5 cm and 10 mgon."""
+    photos = tuple(
+        replace(
+            photo,
+            position=tuple(scene.centres[photo.id].tolist()),
+            position_sigma=(0.05, 0.05, 0.05),
+        )
+        if k % 2
+        else photo
+        for k, photo in enumerate(scene.block.photos)
+    )
+    return replace(scene, block=replace(scene.block, photos=photos))
+
+
+def spoiled(scene, seed: int, count: int, low: float = 6.0, high: float = 60.0):
+    """The scene with errors in image coordinates, one of them in a control coordinate."""
+    rng = np.random.default_rng(seed)
+    rows = list(scene.block.image_points)
+    for k in rng.choice(len(rows), count, replace=False).tolist():
+        axis = "xy"[int(rng.integers(2))]
+        off = rng.uniform(low, high) * 5e-3 * rng.choice((-1.0, 1.0))
+        rows[k] = replace(rows[k], **{axis: getattr(rows[k], axis) + off})
+    control = list(scene.block.control)
+    wrong = control[0]
+    xyz = (wrong.xyz[0] + 2.0, *wrong.xyz[1:])
+    control[0] = ControlPoint(wrong.point, xyz, wrong.sigma, wrong.use)
+    block = replace(scene.block, image_points=tuple(rows), control=tuple(control))
+    return replace(scene, block=block)
+
+
+def scenes():
+    return {
+        "aerial": aerial(3, 5, per_base=2, control_sigma=0.05, noise_um=5.0),
+        "tilted": aerial(2, 7, per_base=2, control_sigma=0.05, noise_um=5.0, tilt=0.05, seed=3),
+        "stated": with_priors(aerial(2, 6, per_base=2, control_sigma=0.05, noise_um=5.0, seed=5)),
+    }
+
+
+def system_of(scene, **options):
+    problem = make_problem(scene.block, **options)
+    state = scene.start(problem)
+    block = adjust_bundle(problem, state)
+    structure = block.cofactors.normal.structure
+    return block_residuals(problem, block.state, structure), block, structure
+
+
+@pytest.mark.parametrize("kind", ["aerial", "tilted", "stated", "calibrated", "free"])
+def test_without_rows_is_what_an_elimination_of_all_columns_has(kind: str) -> None:
+    options = {}
+    if kind == "calibrated":
+        options["additional"] = additional_parameters("ebner")
+    if kind == "free":
+        options["datum"] = "free"
+    system, block, structure = system_of(scenes().get(kind, scenes()["aerial"]), **options)
+    rng = np.random.default_rng(4)
+    rows = np.flatnonzero(system.r > 0.05)
+    out: list[int] = []
+    state = Elimination(system)
+    for row in rng.permutation(rows).tolist():
+        if len(out) < 12 and state.testable(row) and state.r[row] > 0.05:
+            state.add(row)
+            out.append(row)
+    out.sort()
+    error, sigma = state.estimates()
+    own = dict(zip(state.rows, zip(error, sigma, strict=True), strict=True))
+    parts = BlockParts(system, block.state, structure)
+    kept = np.setdiff1d(np.arange(len(system.e)), out)
+    good = kept[state.r[kept] > 1e-6]
+    exact, draft = parts.adjusted(out), parts.drafted(out)
+    for given in (exact, draft):
+        assert given.vtpv == pytest.approx(state.vtpv, rel=1e-8)
+        assert given.e[kept] == pytest.approx(state.e[kept], abs=1e-8)
+        assert given.e[out] == pytest.approx([own[row][0] for row in out], rel=1e-7, abs=1e-8)
+    assert exact.r[good] == pytest.approx(state.r[good], abs=1e-9)
+    assert exact.r[out] ** -0.5 == pytest.approx([own[row][1] for row in out], rel=1e-8)
+    # a draft leaves out what places do to each other, which only takes away
+    assert np.all(draft.r[good] >= state.r[good] - 1e-9)
+    # a place with all its rows in: those out elsewhere are
+    numbers = np.unique(exact.places_of(np.array([*out, *rows[:40].tolist()])))
+    for place in exact.places(numbers):
+        there = Elimination(system)
+        for row in set(out).difference(place.rows.tolist()):
+            there.add(row)
+        columns = np.array([there.column(row)[place.rows] for row in place.rows.tolist()])
+        assert place.system.matrix == pytest.approx(columns, abs=1e-8)
+        assert place.system.e == pytest.approx(there.e[place.rows], abs=1e-7)
+        assert place.system.vtpv == pytest.approx(there.vtpv, rel=1e-8)
+
+
+@pytest.mark.parametrize("kind", ["aerial", "tilted", "stated"])
+def test_no_element_between_places_is_beyond_its_bound(kind: str) -> None:
+    system, block, structure = system_of(scenes()[kind])
+    given = BlockParts(system, block.state, structure).drafted([])
+    places = given.places(np.unique(given.places_of(np.arange(len(system.e)))))
+    assert sum(len(place.rows) for place in places) == len(system.e)
+    lever, number = np.zeros(len(system.e)), np.zeros(len(system.e))
+    for k, place in enumerate(places):
+        lever[place.rows], number[place.rows] = place.lever, k
+    elements = system.columns(np.arange(len(system.e)))
+    bound = lever[:, None] * lever
+    apart = number[:, None] != number
+    assert np.all(np.abs(elements[apart]) <= bound[apart] + 1e-9)
+
+
+@pytest.mark.parametrize("strategy", ["baarda", "search"])
+@pytest.mark.parametrize(
+    ("kind", "seed", "count"),
+    [
+        ("aerial", 1, 6),
+        ("aerial", 2, 8),
+        ("tilted", 3, 6),
+        ("stated", 6, 4),
+    ],
+)
+def test_apart_is_as_one(monkeypatch, strategy: str, kind: str, seed: int, count: int) -> None:
+    scene = spoiled(scenes()[kind], seed, count)
+    problem = make_problem(scene.block)
+    block = adjust_bundle(problem, scene.start(problem))
+    settings = SearchSettings(alpha=0.001)
+    one = block_gross_errors(block, strategy, settings)
+    monkeypatch.setattr(blockrows, "MOST_ROWS_AS_ONE", 0)
+    apart = block_gross_errors(block, strategy, settings)
+    assert set(apart.findings.rows) == set(one.findings.rows)
+    assert len(one.findings.rows) >= count
+    errors = {row.name: row for row in one.rejected}
+    for row in apart.rejected:
+        assert row.error == pytest.approx(errors[row.name].error, rel=1e-7)
+        assert row.sigma == pytest.approx(errors[row.name].sigma, rel=1e-7)
+    # the end is what the rule wants, with exact numbers: what is in and out at the limit
+    end, rows = apart.findings.at_end, list(apart.findings.rows)
+    assert end.vtpv == pytest.approx(one.findings.at_end.vtpv, rel=1e-9)
+    good = one.findings.at_end.r > 1e-4
+    assert end.r[good] == pytest.approx(one.findings.at_end.r[good], abs=1e-9)
+    assert end.w[good] == pytest.approx(one.findings.at_end.w[good], abs=1e-6)
+    assert np.all(np.abs(end.w[rows]) >= CRITICAL)
+    assert apart.findings.odds.rows == pytest.approx(one.findings.odds.rows, abs=1e-9)
+    assert apart.findings.untestable == one.findings.untestable
+    assert apart.block.sigma0 == pytest.approx(one.block.sigma0, rel=1e-9)
+    assert apart.block.cofactors.r == pytest.approx(one.block.cofactors.r, abs=1e-9)
+
+
+def test_rows_of_one_sweep_go_together_and_few_sweeps_are_enough(monkeypatch) -> None:
+    scene = aerial(4, 10, per_base=2, control_sigma=0.05, noise_um=5.0)
+    scene = spoiled(scene, 7, 20, 20.0, 100.0)
+    problem = make_problem(scene.block)
+    block = adjust_bundle(problem, scene.start(problem))
+    monkeypatch.setattr(blockrows, "MOST_ROWS_AS_ONE", 0)
+    outs: list[int] = []
+    real = BlockParts.adjusted
+    drafts: list[int] = []
+    monkeypatch.setattr(
+        BlockParts,
+        "adjusted",
+        lambda self, out: outs.append(len(out)) or real(self, out),
+    )
+    real_draft = BlockParts.drafted
+    monkeypatch.setattr(
+        BlockParts,
+        "drafted",
+        lambda self, out: drafts.append(len(out)) or real_draft(self, out),
+    )
+    told: list[str] = []
+    found = block_gross_errors(
+        block, "baarda", watch=Watch(lambda what, fraction: told.append(what))
+    )
+    assert len(found.findings.rows) >= 18
+    # one adjustment a pass after the first, whatever is rejected; no column of the block
+    assert len(outs) <= 3 * len(found.passes)
+    assert len(drafts) < len(found.findings.rows)
+    assert max(drafts[:3]) > len(found.findings.rows) // 2
+    assert any(what.startswith("sweep 2, ") and what.endswith(" rejected") for what in told)
+
+
+def test_what_conditions_tie_together_is_cleaned_as_one(monkeypatch) -> None:
+    scene = spoiled(scenes()["aerial"], 1, 4)
+    problem = make_problem(scene.block)
+    block = adjust_bundle(problem, scene.start(problem))
+    subject = blockrows.BlockRows(
+        problem, block.cofactors.normal.structure, None, control_only=False
+    )
+    system = block_residuals(problem, block.state, block.cofactors.normal.structure)
+    place = blockrows.BlockPlace(block.state, None)
+    assert subject.apart(system, place) is None  # few rows
+    monkeypatch.setattr(blockrows, "MOST_ROWS_AS_ONE", 0)
+    assert isinstance(subject.apart(system, place), BlockParts)
+    monkeypatch.setattr(blockrows, "can_be_parted", lambda problem: False)
+    assert subject.apart(system, place) is None
