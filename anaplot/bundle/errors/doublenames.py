@@ -9,7 +9,6 @@ it is true; that a point is two frees three unknowns, and v'Pv falls by as much 
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import combinations, islice
@@ -131,23 +130,21 @@ def _near(block: AdjustedBlock, critical: float) -> Iterator[tuple[str, str]]:
     if len(sound) < 2:
         return
     pairs = cKDTree(at[sound]).query_pairs(2.0**0.5 * float(reach.max()), output_type="ndarray")
-    rays = _rays_by_point(block)
     floor = 1e-6 * np.median(np.trace(q[sound], axis1=1, axis2=2)) * np.eye(3)
     gaps = []
     for i, j in sound[pairs].tolist():
         off = at[i] - at[j]
         square = float(off @ np.linalg.solve(q[i] + q[j] + floor, off))
-        if square <= critical and not _seen_apart(block, rays[i], rays[j]):
+        if square <= critical and not _seen_apart(block, _rays_of(block, i), _rays_of(block, j)):
             gaps.append((square, problem.points[i], problem.points[j]))
     for _, first, second in sorted(gaps):
         yield first, second
 
 
-def _rays_by_point(block: AdjustedBlock) -> dict[int, list[int]]:
-    rays: dict[int, list[int]] = defaultdict(list)
-    for ray, point in enumerate(block.problem.point.tolist()):
-        rays[point].append(ray)
-    return rays
+def _rays_of(block: AdjustedBlock, point: int) -> list[int]:
+    """Return the rays of a point: a problem has them side by side."""
+    first, last = np.searchsorted(block.problem.point, (point, point + 1)).tolist()
+    return list(range(first, last))
 
 
 def _seen_apart(block: AdjustedBlock, first: list[int], second: list[int]) -> bool:
@@ -196,14 +193,13 @@ def _parted(block: AdjustedBlock) -> Iterator[tuple[str, frozenset[int]]]:
     if problem.rejected is not None:
         rejected |= problem.rejected.any(axis=1)
     doubted = np.flatnonzero(rejected | np.asarray(block.flagged).any(axis=1))
-    rays = _rays_by_point(block)
     size: dict[int, float] = {}
     for ray in doubted.tolist():
         point = int(problem.point[ray])
         large = np.inf if rejected[ray] else float(np.nanmax(np.abs(block.v[ray])))
         size[point] = max(size.get(point, 0.0), large)
     for point in sorted(size, key=lambda k: -size[k])[:_MOST_DOUBTED]:
-        mine = rays[point]
+        mine = _rays_of(block, point)
         if 4 <= len(mine) <= _MOST_RAYS and (parts := _parts(block, mine)):
             yield problem.points[point], parts
 

@@ -25,6 +25,8 @@ __all__ = [
 MOST_NEIGHBOURS = 8
 """Neighbours of a photo that are told, those with the most points in common first."""
 
+_PAIRS = 4096  # of photos that are looked at at once
+
 
 class PhotoCheck(NamedTuple):
     """What checks a photo.
@@ -175,9 +177,11 @@ def _neighbours(seen: sparse.csr_array) -> tuple[Index, Index, Index]:
 def _middles(seen: sparse.csr_array, points: Array, first: Index, second: Index) -> Array:
     """Return (n, 3) the middle of the points that pairs of photos have in common."""
     out = np.empty((len(first), 3))
-    for k, (i, j) in enumerate(zip(first.tolist(), second.tolist(), strict=True)):
-        mine, other = (seen.indices[seen.indptr[one] : seen.indptr[one + 1]] for one in (i, j))
-        out[k] = points[np.intersect1d(mine, other, assume_unique=True)].mean(axis=0)
+    ones = np.column_stack([points, np.ones(len(points))])
+    for k in range(0, len(first), _PAIRS):
+        some = slice(k, k + _PAIRS)
+        sums = seen[first[some]].multiply(seen[second[some]]) @ ones
+        out[some] = sums[:, :3] / sums[:, 3:]
     return out
 
 
