@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-from anaplot.session.desk import Desk
 from anaplot.session.modelstate import ModelState
 from anaplot.session.nextstep import Agenda, Step
 from anaplot.station.blockview import SURE, BlockView, SuspectedPoint, SuspectedRay
+
+if TYPE_CHECKING:
+    from anaplot.session.desk import Desk
 
 __all__ = ["ReturnAdvice", "return_advice", "surely_wrong"]
 
