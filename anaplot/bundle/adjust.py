@@ -288,10 +288,13 @@ def _searched(
     ways = approximate_ways(problem)
     if first is not None:
         ways.insert(0, lambda _: first)
-    waiting: list[BlockState] = []
+    waiting: list[tuple[float, BlockState]] = []
     while ways or waiting:
+        # of those that have waited, the one from which most rays agree first
+        new = bool(ways)
+        waiting.sort(key=lambda one: one[0])
         try:
-            start = ways.pop(0)(progress) if ways else waiting.pop(0)
+            start = ways.pop(0)(progress) if new else waiting.pop(0)[1]
             if start is None:
                 continue
             structure = make_structure(problem, start.centres)
@@ -306,12 +309,12 @@ def _searched(
         if unsure and closest is not None and closest.solution.agrees(problem):
             # what misses by far cannot fit better
             continue
-        wait = bool(ways)
+        wait = new and (bool(ways) or bool(waiting))
         found = minimum(start, structure, _TRIES if wait else None)
         if found is not None and _fits(problem, found):
             break
         if found is None and wait and unsure:
-            waiting.append(start)
+            waiting.append((float("inf"), start))
             continue
         # no gross error is looked for where a lens that is unknown yet bends everything
         by_lens = None if found is None else _explained_by_lens(whole, found, progress)
@@ -328,7 +331,7 @@ def _searched(
             # two witnesses for the orientations: what does not fit, does so for another reason
             break
         if wait and not (solution is not None and solution.agrees(problem)):
-            waiting.append(start)
+            waiting.append((float("inf") if solution is None else solution.rays_off, start))
             continue
         if found is not None and not (solution and solution.explains(problem)):
             other = robust(found.state, structure)

@@ -6,7 +6,8 @@ Random blocks of twelve kinds (tests/bundle/startkinds.py) of which nothing is k
 coordinates and some control. Each is adjusted from nothing and from its true values: "failed" says
 that no minimum was found, "wrong" that it is another one than from the truth. Time is that of the
 processor, of the search for approximate values and of everything to the minimum, for each ray.
-`--large` adds a ring of 10 photos, 34 photos around a solid object, 150 photos of a drone.
+`--large` adds a ring of 10 photos, 34 photos around a solid object, 132 photos of a drone, and a
+walk around a building with 1 % mismatches.
 The exit code is 1 where a block failed or has a wrong minimum.
 """
 
@@ -23,7 +24,16 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1] / "bundle"))
 
 from bundleblocks import Scene
-from startkinds import KINDS, Layout, drone, looking_in, measured, outside
+from startkinds import (
+    KINDS,
+    Layout,
+    building,
+    drone,
+    looking_in,
+    measured,
+    outside,
+    with_mismatches,
+)
 
 from anaplot.bundle import adjust
 from anaplot.bundle.solve.gaussnewton import find_minimum
@@ -51,6 +61,9 @@ def main(given: list[str]) -> int:
     if options.large:
         for name, layout in _large():
             bad += _row(name, [measured(layout, np.random.default_rng(1))])
+        rng = np.random.default_rng(1)
+        around = measured(building(rng, 60, 6000), rng)
+        bad += _row("building, 1 % mismatches", [with_mismatches(around, rng, 0.01)])
     return 1 if bad else 0
 
 

@@ -198,6 +198,50 @@ def outside(rng: np.random.Generator, count: int, points: int) -> Layout:
     return replace(layout, normals=normals)
 
 
+def building(rng: np.random.Generator, count: int, points: int) -> Layout:
+    """A walk around a building, near its walls; every fifth photo is turned by 90 degrees."""
+    side, corner = 40.0, np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [0.0, 0.0]])
+    outward = np.array([[0.0, -1.0], [1.0, 0.0], [0.0, 1.0], [-1.0, 0.0]])
+    wall, along = np.divmod(4.0 * np.arange(count) / count, 1.0)
+    at = _along(corner, wall.astype(int), along) * side
+    path = side / 2.0 + 1.6 * (at - side / 2.0) + rng.normal(0.0, 0.7, at.shape)
+    centres = np.column_stack((path, rng.uniform(1.0, 8.0, count)))
+    aims = np.column_stack((at + rng.normal(0.0, 4.0, at.shape), rng.uniform(2.0, 8.0, count)))
+    roll = np.where(np.arange(count) % 5 == 0, np.pi / 2.0, 0.0)
+    which = rng.integers(0, 4, points)
+    normals = np.column_stack((outward[which], np.zeros(points)))
+    places = np.column_stack(
+        (_along(corner, which, rng.random(points)) * side, rng.uniform(0.0, 12.0, points))
+    )
+    return Layout(
+        centres,
+        _aimed(centres, aims, roll),
+        places + normals * rng.normal(0.0, 0.4, points)[:, None],
+        cameras=(Camera("px", 4.0, pixels=(4000, 4000)),),
+        half=0.5,
+        normals=normals,
+        share=0.5,
+        control=(6, 0.01),
+    )
+
+
+def _along(corner: np.ndarray, wall: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """(n, 2) places along walls, from corner to corner."""
+    return np.asarray(corner[wall] + (corner[wall + 1] - corner[wall]) * share[:, None])
+
+
+def with_mismatches(scene: Scene, rng: np.random.Generator, share: float) -> Scene:
+    """Some rays are of something else: they lie up to a tenth of c away."""
+    rows = scene.block.image_points
+    most = 0.1 * scene.block.cameras[0].c
+    off = rng.uniform(-most, most, (len(rows), 2)) * (rng.random(len(rows)) < share)[:, None]
+    moved = (
+        replace(row, x=row.x + dx, y=row.y + dy)
+        for row, (dx, dy) in zip(rows, off.tolist(), strict=True)
+    )
+    return replace(scene, block=replace(scene.block, image_points=tuple(moved)))
+
+
 KINDS: dict[str, Callable[[np.random.Generator, int], Layout]] = {
     "strip": strip,
     "block": block,

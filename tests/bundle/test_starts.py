@@ -11,7 +11,7 @@ from anaplot.bundle.solve.gaussnewton import NoConvergenceError, find_minimum
 from anaplot.bundle.solve.linearised import objective
 from anaplot.bundle.solve.problem import Problem, make_problem
 from anaplot.bundle.solve.structure import make_structure
-from anaplot.bundle.start import subblock
+from anaplot.bundle.start import subblock, vertical
 from anaplot.bundle.start.approximate import approximate_ways, doubtful
 from anaplot.bundle.start.resection import resect
 from anaplot.bundle.start.vertical import vertical_subblock
@@ -67,6 +67,25 @@ def test_level_photos_that_miss_by_far_are_tried_last() -> None:
     assert last is not None
     assert doubtful(problem, last)
     assert ways[-1](None) is None
+
+
+@pytest.mark.parametrize("kind", ["strip", "three photos", "few rays"])
+def test_level_photos_are_the_same_by_full_and_by_sparse_equations(
+    monkeypatch: pytest.MonkeyPatch, kind: str
+) -> None:
+    rng = np.random.default_rng(2)
+    problem = make_problem(measured(KINDS[kind](rng, 1), rng).block)
+    full = vertical_subblock(problem)
+    monkeypatch.setattr(vertical, "_DENSE", 0)
+    sparse = vertical_subblock(problem)
+    assert full is not None
+    assert sparse is not None
+    for one, other in zip(
+        (full.centres, full.rotations, full.points),
+        (sparse.centres, sparse.rotations, sparse.points),
+        strict=True,
+    ):
+        np.testing.assert_allclose(one, other, rtol=1e-8, atol=1e-8 * np.abs(other).max())
 
 
 def test_a_start_is_given_up_after_as_many_steps_as_asked_for() -> None:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bundleblocks import Scene
-from startkinds import drone, measured, outside, ring
+from startkinds import drone, measured, outside, ring, with_mismatches
 
 from anaplot.bundle import adjust
 from anaplot.bundle.adjust import adjust_problem
@@ -133,23 +133,14 @@ def test_a_grossly_wrong_stated_position_is_told_in_metres() -> None:
 def mismatched(share: float) -> Problem:
     """Photos around an object, of whose rays a share is somewhere else in the image."""
     rng = np.random.default_rng(2)
-    block = measured(replace(outside(rng, 14, 260), share=0.6), rng).block
-    rows = [
-        replace(row, x=row.x + off, y=row.y - off) if wrong else row
-        for row, off, wrong in zip(
-            block.image_points,
-            rng.uniform(1.0, 9.0, len(block.image_points)).tolist(),
-            rng.random(len(block.image_points)) < share,
-            strict=True,
-        )
-    ]
-    return make_problem(replace(block, image_points=tuple(rows)))
+    scene = measured(replace(outside(rng, 14, 260), share=0.6), rng)
+    return make_problem(with_mismatches(scene, rng, share).block)
 
 
 def test_scattered_mismatches_are_seen_from_the_first_good_start(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    problem = mismatched(0.02)
+    problem = mismatched(0.012)
     solutions: list[RobustState] = []
 
     def keeping(*given: object, **more: object) -> RobustState:

@@ -138,7 +138,7 @@ def find_minimum(
     tie = anchor(problem, state) if problem.defect else None
     weights = None if tie is None else tie.weights
     damping, growth, accepted, damped = 0.0, 2.0, 0, 0
-    while accepted < MAX_ITERATIONS:
+    while accepted < MAX_ITERATIONS and (tries is None or accepted + damped < tries):
         linear = linearise(problem, state)
         # what rounding does to the sum cannot be told from a step
         noise = rounding(problem, state, depth)

@@ -9,7 +9,7 @@ import numpy as np
 from anaplot.aliases import Array
 from anaplot.bundle.solve.conditions import ConditionEquations
 from anaplot.bundle.solve.givenequations import GivenEquations, given_equations, prior_rounding
-from anaplot.bundle.solve.imaging import BlockState, imaged, imaged_with_derivatives
+from anaplot.bundle.solve.imaging import BlockState, Imaged, imaged, imaged_with_derivatives
 from anaplot.bundle.solve.offsetequations import OffsetEquations, best_offsets
 from anaplot.bundle.solve.problem import Problem
 from anaplot.errors import NotComputableError
@@ -25,6 +25,7 @@ __all__ = [
     "linearise",
     "move",
     "objective",
+    "point_rows",
     "rounding",
 ]
 
@@ -191,6 +192,26 @@ def _given_equations(problem: Problem, state: BlockState) -> GivenEquations | No
     return given_equations(problem.given, state, problem.fixed, problem.per_photo)
 
 
+def point_rows(problem: Problem, state: BlockState) -> tuple[Array, Array]:
+    """Return (m, 2, 3) derivatives of rays with respect to their points, and (m, 2) misclosures.
+
+    As `linearise` has them, without all the rest.
+    """
+    seen = imaged_with_derivatives(problem, state)
+    return _point_rows(problem, seen, 1.0 / problem.sigma_xy)
+
+
+def _point_rows(problem: Problem, seen: Imaged, weight: Array) -> tuple[Array, Array]:
+    b = seen.point * weight[:, :, None]
+    if problem.fixed.any():
+        b *= ~problem.fixed[problem.point][:, None, :]
+    e = (seen.xy - problem.xy) * weight
+    if problem.rejected is not None:
+        b[problem.rejected] = 0.0
+        e[problem.rejected] = 0.0
+    return b, e
+
+
 def linearise(problem: Problem, state: BlockState) -> Linearised:
     """Return derivatives and misclosures at a state."""
     seen = imaged_with_derivatives(problem, state)
@@ -207,12 +228,9 @@ def linearise(problem: Problem, state: BlockState) -> Linearised:
         h = np.empty((m, 2, 0))
     else:
         a, h = seen.photo * weight[:, :, None], white
-    b = seen.point * weight[:, :, None]
-    if problem.fixed.any():
-        b *= ~problem.fixed[problem.point][:, None, :]
-    e = (seen.xy - problem.xy) * weight
+    b, e = _point_rows(problem, seen, weight)
     if problem.rejected is not None:
-        for part in (a, b, h, e):
+        for part in (a, h):
             part[problem.rejected] = 0.0
     point_e, own_e, shared_e = _prior_misclosures(problem, state)
     photo_e, offsets = _photo_misclosures(problem, state)

@@ -8,6 +8,7 @@ Relief and tilts of a few degrees are errors of a few millimetres that the bundl
 
 from __future__ import annotations
 
+import contextlib
 import warnings
 from collections.abc import Callable
 from typing import NamedTuple
@@ -28,6 +29,7 @@ __all__ = ["vertical_subblock"]
 _NEIGHBOURS = 10  # pairs of each photo, those with most common points
 _LEVEL = 0.12  # of c: median misfit of two photos above which they are not level
 _ROUNDS = 8
+_DENSE = 200  # unknowns up to which equations are solved as a full matrix
 _OF_EDGES, _OF_PLACES = 0.25, 0.15  # of the work: pairs of photos, and their first places
 _HOLD = 1e-3  # weight that keeps the factor of a photo
 _TRIALS = 60
@@ -251,8 +253,12 @@ def _solved(matrix: sparse.csc_matrix, right: Complex, photos: int) -> Complex:
     """Solve Hermitian equations whose unknowns after `photos` are of points.
 
     No point has an equation with another: they are eliminated one by one, and what is left is as
-    small as the number of photos, however many rays there are.
+    small as the number of photos, however many rays there are. Where all of it is small, it is
+    solved at once.
     """
+    if len(right) <= _DENSE:
+        with contextlib.suppress(np.linalg.LinAlgError):
+            return np.asarray(np.linalg.solve(matrix.toarray(), right), dtype=np.complex128)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", MatrixRankWarning)
         rows = matrix.tocsr()
