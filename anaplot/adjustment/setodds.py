@@ -329,7 +329,7 @@ class _Sets:
         least = float(less.min(initial=np.inf))
         if k < self.most and free.any():
             square = e * e
-            bound = np.where(free, self._least_change(square, r, slice(None)), np.inf)
+            bound = np.where(free, self._least_change(square, r), np.inf)
             first = int(np.argmin(bound))
             least = min(least, float(self._changes(square[first], r[first], first).min()))
             rows = np.flatnonzero(free & (bound <= max(least, 0.0) + beyond))
@@ -341,19 +341,20 @@ class _Sets:
             at, rows, square, then = self._exchanges(
                 (by, d, back, less), e, r, free, max(least, 0.0) + beyond
             )
-            numbers.append((len(g) * n + k + (level * k + at) * n + rows).ravel())
-            changes.append((self._changes(square, then, rows) + less[at]).ravel())
+            number = (len(g) * n + k + (level * k + at) * n + rows).ravel()
+            change = (self._changes(square, then, rows) + less[at]).ravel()
             # itself with another width
             at, rows = np.arange(k), np.array(held)
             own_by = by[at, rows]
             then = r[rows] + own_by * own_by / d
             square = np.square(e[rows] + own_by * back)
             other = level != np.array(levels)
-            numbers.append((len(g) * n + k + (level * k + at) * n + rows)[other])
-            changes.append((self._changes(square, then, rows) + less)[other])
-        number, change = np.concatenate(numbers), np.concatenate(changes)
-        order = np.argsort(number)
-        return number[order], change[order]
+            itself = (len(g) * n + k + (level * k + at) * n + rows)[other]
+            places = np.searchsorted(number, itself)
+            numbers.append(np.insert(number, places, itself))
+            own_change = (self._changes(square, then, rows) + less)[other]
+            changes.append(np.insert(change, places, own_change))
+        return np.concatenate(numbers), np.concatenate(changes)
 
     def _changes(self, square: Array | float, r: Array | float, rows: Index | int) -> Array:
         """(l, m) what rows of squared e and of r given S change by going out, by their levels."""
@@ -361,10 +362,10 @@ class _Sets:
         grown = 1.0 + g * r
         return np.asarray(np.log(grown) - square * (g / grown) + cost + self._price[rows])
 
-    def _least_change(self, square: Array, r: Array, rows: slice) -> Array:
+    def _least_change(self, square: Array, r: Array) -> Array:
         """Less than any of `_changes`: of the largest width at the cost of the smallest."""
         widest = float(self._g[-1])
-        return np.asarray(self._price[rows] - square * (widest / (1.0 + widest * r)))
+        return np.asarray(self._price - square * (widest / (1.0 + widest * r)))
 
     def _exchanges(
         self,
@@ -390,15 +391,15 @@ class _Sets:
         """
         by, d, back, less = returns
         found = []
-        step = max(_PORTION // len(d), 1)
-        for start in range(0, len(e), step):
+        step = max(_PORTION // len(e), 1)
+        for start in range(0, len(d), step):
             mine = slice(start, start + step)
-            part = by[:, mine]
-            square = np.square(e[mine] + part * back[:, None])
-            then = r[mine] + part * part / d[:, None]
-            bound = self._least_change(square, then, mine) + less[:, None]
-            at, rows = np.nonzero((bound <= most) & free[mine])
-            found.append((at, start + rows, square[at, rows], then[at, rows]))
+            part = by[mine]
+            square = np.square(e + part * back[mine, None])
+            then = r + part * part / d[mine, None]
+            bound = self._least_change(square, then) + less[mine, None]
+            at, rows = np.nonzero((bound <= most) & free)
+            found.append((start + at, rows, square[at, rows], then[at, rows]))
         at, rows, square, then = (np.concatenate(parts) for parts in zip(*found, strict=True))
         return at, rows, square, then
 

@@ -56,8 +56,9 @@ __all__ = [
 ]
 
 
-MOST_ROWS_OF_COLUMNS = 20_000
-"""Observations of a block in which columns of R are held for a good part of them."""
+MOST_ROWS_OF_COLUMNS = 100_000
+"""Observations of a block up to which sets of errors are weighed: every set looks at all of them
+against each row that it holds."""
 
 _TORN = 4.0  # sigma0 from which a robust state is a second place to linearise at
 
