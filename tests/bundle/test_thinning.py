@@ -85,6 +85,42 @@ def check(thinning: Thinning) -> None:
         assert thinning.means[part] == pytest.approx(then[name], abs=1e-7)
 
 
+def points_that_tie(block: AdjustedBlock) -> list[tuple[int, set[int]]]:
+    """Sets of points that hold a block together, and how many of each have to stay."""
+    problem = block.problem
+    seen: dict[str, set[int]] = {}
+    for photo, point in zip(problem.photo.tolist(), problem.point.tolist(), strict=True):
+        seen.setdefault(problem.photos[photo], set()).add(point)
+    out = [(6, points) for points in seen.values()]
+    strips = problem.block.strips
+    for strip in strips:
+        for size, need in ((2, 6), (3, 2)):
+            for k in range(len(strip.photos) - size + 1):
+                run = strip.photos[k : k + size]
+                out.append((need, set.intersection(*(seen[photo] for photo in run))))
+        for other in strips:
+            if other is not strip:
+                every = set().union(*(seen[photo] for photo in other.photos))
+                out += [(2, seen[photo] & every) for photo in strip.photos]
+    return out
+
+
+def test_what_holds_the_block_together_is_kept() -> None:
+    before = adjust_block(dense(5, 3, 4))
+    rules = keeping(before.problem, image_parts(before.problem))
+    needs: dict[frozenset[int], int] = {}
+    for row, need in enumerate(rules.need.tolist()):
+        points = frozenset(rules.sets[[row]].indices.tolist())
+        needs[points] = max(needs.get(points, 0), need)
+    for need, tie in points_that_tie(before):
+        assert len(tie) == 0 or needs[frozenset(tie)] >= min(need, len(tie))
+    thinning = thin_block(before, 0.05)
+    assert thinning.gone
+    kept = set(np.flatnonzero(thinning.kept).tolist())
+    for need, tie in points_that_tie(before):
+        assert len(tie & kept) >= min(need, len(tie))
+
+
 def more_could_go(thinning: Thinning) -> list[str]:
     """Return the points without which all parts are above R, and that no rule keeps."""
     problem, alive = thinning.before.problem, thinning.kept
