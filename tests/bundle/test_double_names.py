@@ -169,3 +169,21 @@ def test_which_of_two_equal_halves_is_named_does_not_hang_on_rounding() -> None:
     assert doublenames._parts(two_places(4, 0.0), list(range(8))) is None
     inner = two_places(4, 5.0, same_photo=True)
     assert doublenames._parts(inner, list(range(8))) == frozenset({0, 1})
+
+
+def test_a_ray_halfway_goes_to_the_same_side_whatever_rounding_prefers() -> None:
+    # seven rays see a place left, seven mirrored ones a place right, one the middle of both
+    rng = np.random.default_rng(7)
+    left = np.column_stack([rng.uniform(-600.0, 600.0, (7, 2)), rng.uniform(900.0, 1100.0, 7)])
+    mirrored = left * (-1.0, 1.0, 1.0)
+    centres = np.concatenate((left, mirrored, [[0.0, 80.0, 1000.0]]))
+    seen = np.repeat([[-3.0, 0.0, 0.0], [3.0, 0.0, 0.0], [0.0, 0.0, 0.0]], (7, 7, 1), axis=0)
+    block = two_places(1, 0.0)
+    away = seen - centres
+    block.problem.photo, block.problem.c = np.arange(15), np.full(15, 150.0)
+    block.state.rotations, block.state.centres = np.tile(np.eye(3), (15, 1, 1)), centres
+    xy = -150.0 * away[:, :2] / away[:, 2:]
+    for turn in rng.normal(0.0, 1e-15, (20, 15, 2)):
+        block.problem.ideal = xy * (1.0 + turn)
+        # either side with the ray in the middle misses by as much: the first is named
+        assert doublenames._parts(block, list(range(15))) == frozenset(range(7))
