@@ -13,16 +13,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from anaplot.aliases import Progress
-from anaplot.bundle.adjust import adjust_bundle, adjust_problem, evaluate
+from anaplot.bundle.adjust import adjust_problem, evaluate
 from anaplot.bundle.errors.wrongray import SuspectRay, explained, suspect_rays
+from anaplot.bundle.onward import adjust_onward
 from anaplot.bundle.solve.additional import AdditionalParameters
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.datum import components
-from anaplot.bundle.solve.gaussnewton import NoConvergenceError, find_minimum
+from anaplot.bundle.solve.gaussnewton import find_minimum
 from anaplot.bundle.solve.linearised import linearise, move, objective
 from anaplot.bundle.solve.problem import Datum, Problem, make_problem, remeasured
-from anaplot.bundle.start.approximate import extended_state
-from anaplot.bundle.start.halfrays import settled_points, without_half_seen
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import Block
 
@@ -152,16 +151,7 @@ class LiveBlock:
     def _adjusted(self, problem: Problem, progress: Progress | None) -> AdjustedBlock:
         """Adjust from the last answer where it has approximate values, else from nothing."""
         if self._answer is not None and self._answer.datum == problem.datum:
-            last = self._answer.adjusted
-            firm = without_half_seen(problem)
-            extended = extended_state(firm or problem, last.problem, last.state)
-            if firm is not None and extended is not None:
-                problem, extended = settled_points(problem, firm, extended)
-            if extended is not None:
-                try:
-                    return adjust_bundle(problem, extended, progress=progress)
-                except NoConvergenceError:
-                    pass
+            return adjust_onward(problem, self._answer.adjusted, progress=progress)
         return adjust_problem(problem, progress=progress)
 
     def _only_coordinates(

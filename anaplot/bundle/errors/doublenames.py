@@ -18,7 +18,7 @@ import numpy as np
 
 from anaplot.adjustment.watch import Watch
 from anaplot.aliases import Array
-from anaplot.bundle.adjust import adjust_problem
+from anaplot.bundle.onward import adjust_onward
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.remade import laid_out_again
 from anaplot.errors import InputError, NotComputableError
@@ -302,6 +302,6 @@ def _adjusted(block: AdjustedBlock, rows: list[ImagePoint]) -> AdjustedBlock | N
     problem = block.problem
     changed = replace(problem.block, image_points=tuple(rows))
     try:
-        return adjust_problem(laid_out_again(problem, changed))
+        return adjust_onward(laid_out_again(problem, changed), block)
     except (NotComputableError, InputError):
         return None

@@ -18,7 +18,7 @@ import numpy as np
 from anaplot.adjustment.significance import critical_normal
 from anaplot.adjustment.watch import Watch
 from anaplot.aliases import Array, Bools, Index
-from anaplot.bundle.adjust import adjust_problem
+from anaplot.bundle.onward import adjust_onward
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.imaging import imaged, seen_places
 from anaplot.bundle.solve.observations import ObservationName
@@ -223,7 +223,7 @@ def _put_right(
         rows[tried.other] = replace(rows[tried.other], point=row.point)
     try:
         changed = replace(problem.block, image_points=tuple(rows))
-        right = adjust_problem(laid_out_again(problem, changed))
+        right = adjust_onward(laid_out_again(problem, changed), block)
     except NotComputableError:
         return None
     back = sum(len(rejected.get(k, ())) for k in tried.rows)
