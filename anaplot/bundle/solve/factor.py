@@ -196,9 +196,16 @@ def _runs(index: Index) -> list[tuple[int, int, int]]:
 
 
 def _scatter(target: Array, rows: Index, columns: Index, values: Array) -> None:
-    """target[rows, columns] += values, by runs of consecutive indices."""
-    for r0, r1, tr in _runs(rows):
-        for c0, c1, tc in _runs(columns):
+    """target[rows, columns] += values, by runs of consecutive indices.
+
+    Of a symmetric part, whose rows are its columns, only the lower triangle is looked at later:
+    what stands above the diagonal is left out, run by run.
+    """
+    down = _runs(rows)
+    symmetric = rows is columns
+    across = down if symmetric else _runs(columns)
+    for k, (r0, r1, tr) in enumerate(down):
+        for c0, c1, tc in across[: k + 1] if symmetric else across:
             target[tr : tr + r1 - r0, tc : tc + c1 - c0] += values[r0:r1, c0:c1]
 
 
