@@ -171,6 +171,26 @@ class StripTie:
             out[name] = Located(at, errors)
         return out
 
+    @property
+    def probable(self) -> Array:
+        """(count,) errors of least squares that explain the discrepancies, in mm."""
+        return self._known.probable
+
+    def probably_placed(self, names: list[str]) -> list[Located]:
+        """Return points as `placed` does, with (3, 1) errors: what the `probable` ones do to them.
+
+        What each error does to each of them is not written out.
+        """
+        now, other = self._known.similarity, self._other
+        first = self.count - other.count - 2
+        theirs = self.probable[first : first + other.count]
+        xyz = self.carried(np.array([other.points[n].xyz for n in names]).reshape(-1, 3))
+        own = [other.points[n].errors for n in names]
+        off = np.array([errors @ theirs[: errors.shape[1]] for errors in own]).reshape(-1, 3)
+        off = now.scale * off @ now.rotation.T
+        off += similarity_effects(xyz - self._known.middle) @ (self._known.moved @ self.probable)
+        return [Located(at, by[:, None]) for at, by in zip(xyz, off, strict=True)]
+
     def improved(self, values: Array, errors: Array) -> tuple[Array, Array]:
         """Take from values what the discrepancies of the common points say of their errors.
 
@@ -189,10 +209,9 @@ class StripTie:
             Both as they are then.
         """
         known = errors[:, : self.count]
-        noise, seen = self._known.explained(known)
         out = errors.copy()
-        out[:, : self.count] -= seen
-        return values - noise, out
+        out[:, : self.count] -= self._known.seen(known)
+        return values - known @ self.probable, out
 
     @property
     def suspects(self) -> tuple[str, ...]:
@@ -441,24 +460,17 @@ class _Adjusted:
         residual: Array = self._inverse - self._white @ solved
         return residual
 
-    def explained(self, known: Array) -> tuple[Array, Array]:
-        """Say what the residuals of level systems tell of values that err.
+    @cached_property
+    def probable(self) -> Array:
+        """(e,) errors [mm] of least squares that explain the residuals of level systems."""
+        rows = (self._solved.w @ self._residual)[None]
+        errors: Array = self._common.by_errors(rows, self.similarity)[0]
+        return errors * self._common.sigma0
 
-        Parameters
-        ----------
-        known
-            (k, e) errors of the values.
-
-        Returns
-        -------
-        ndarray
-            (k,) how far the values err by the errors [mm] that explain the residuals.
-        ndarray
-            (k, e) what of their errors the residuals see.
-        """
-        seen = self._common.by_rows(known, self.similarity) @ self._residual.T
-        noise: Array = self._common.sigma0 * (seen @ self._solved.w)
-        return noise, self._common.by_errors(seen @ self._residual, self.similarity)
+    def seen(self, known: Array) -> Array:
+        """Return (k, e): what the residuals of level systems see of (k, e) errors of values."""
+        rows = self._common.by_rows(known, self.similarity) @ self._residual.T
+        return self._common.by_errors(rows @ self._residual, self.similarity)
 
     @property
     def middle(self) -> Array:

@@ -18,7 +18,7 @@ from anaplot.session.state import SessionState
 from anaplot.session.tiecheck import GROUND, TieCheck
 from anaplot.session.transfer import Transfer
 
-__all__ = ["Accident", "accidents", "accidents_in"]
+__all__ = ["Accident", "accidents", "accidents_in", "farthest"]
 
 _SIGMAS = 4.0  # of the difference of two pointings: as near as that, it is the same place
 _POINTING = 0.3  # mm: farther off, it is another point rather than a bad pointing
@@ -137,6 +137,11 @@ def accidents_in(
         out += _two_names(precision.image_um * 1e-3, models, model, known)
     # one sentence a point: the first system that tells it
     return tuple({found.point: found for found in reversed(out)}.values())[::-1]
+
+
+def farthest(precision: Precision) -> float:
+    """Return how far [mm] from a point that lies where another one lies that one is expected."""
+    return _SIGMAS * hypot(_SHARP, precision.image_um * 1e-3)
 
 
 def _of_check(check: TieCheck, here: Set[str]) -> Iterator[Accident]:

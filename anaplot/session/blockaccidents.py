@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from anaplot.aliases import Progress
 from anaplot.orientation.striptie import FEWEST
 from anaplot.photogrammetry.block import Block
-from anaplot.session.accidents import Accident, accidents_in
+from anaplot.session.accidents import Accident, accidents_in, farthest
 from anaplot.session.elsewhere import consecutive
 from anaplot.session.filedmodels import filed_models
 from anaplot.session.modelstate import ModelState
@@ -113,7 +113,7 @@ def _of_strip(
     others = tuple(model for strip in near for model in strip)
     found: dict[str, Accident] = {}
     for end in range(len(own) % _STEP or _STEP, len(own) + 1, _STEP):
-        said = transfer_of_strip(block, others, own[:end], known, _STEP)
+        said = transfer_of_strip(block, others, own[:end], known, _STEP, farthest(block.precision))
         # what is compared anew with more points is known better
         anew = _points(own[max(end - RECENT, 0) : end])
         found = {p: one for p, one in found.items() if not (one.against and p in anew)}

@@ -8,24 +8,23 @@ beforehand, their marks say it from the first, and stated exterior orientations 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Set
+from collections.abc import Iterator, Mapping, Set
 from dataclasses import dataclass, field, replace
-from math import isfinite, radians
+from math import radians
 from typing import Literal, NamedTuple
 
 import numpy as np
 
-from anaplot.aliases import Array
 from anaplot.errors import NotComputableError
-from anaplot.orientation.stripgeometry import Located, Pose, StripGeometry, in_photo, widened
+from anaplot.orientation.stripgeometry import Located, Pose, StripGeometry, widened
 from anaplot.orientation.striptie import Placed, StripTie, System
 from anaplot.photogrammetry.block import Block
-from anaplot.photogrammetry.collinearity import project
 from anaplot.session.elsewhere import NOTHING_ELSEWHERE, Elsewhere, consecutive, elsewhere, ground
 from anaplot.session.events import PlannedPoint, Role
 from anaplot.session.models import geometry_of
 from anaplot.session.modelstate import ModelState
 from anaplot.session.remembering import remembered
+from anaplot.session.sight import Close, Place, Poses, Sight, in_view
 from anaplot.session.state import SessionState
 from anaplot.session.statedorientation import seen_by_stated, stated_control
 from anaplot.session.tiecheck import (
@@ -52,9 +51,6 @@ Mark = Literal["", "lateral", "control"]
 """What a point is beside its role in the model: known in another strip, or on the ground."""
 RECENT = 12
 """Models of the strip in work whose points tie it."""
-
-Place = tuple[float, float, float, float]
-"""xl, yl, xr, yr [mm]."""
 
 _LATERAL = 3  # lateral ties that every model adds
 _EDGE = 3.0  # mm at the edge of a photo where nothing is offered
@@ -153,6 +149,7 @@ def transfer_of_strip(
     own: tuple[ModelState, ...],
     known: Known,
     last: int,
+    reach: float,
 ) -> tuple[Transfer, ...]:
     """Return what a strip says of its last models, by the similarities that its last one has.
 
@@ -170,6 +167,9 @@ def transfer_of_strip(
         What else is known.
     last
         How many of its models are asked for.
+    reach
+        How far in any image coordinate from a point of its model [mm] another one is told; how
+        certain those are that lie farther away is not computed.
 
     Returns
     -------
@@ -189,7 +189,7 @@ def transfer_of_strip(
             alone = _InWork(block, NOTHING_ELSEWHERE, before, model, NOTHING_KNOWN, strip, again)
             strayed = alone.strayed(model)
         of_last = checks if model is own[-1] else ()
-        out.append(Transfer((), of_last, marks, work.places(checks, model), strayed))
+        out.append(Transfer((), of_last, marks, work.places(checks, model, reach), strayed))
     return tuple(out)
 
 
@@ -197,14 +197,6 @@ def _strip_in_work(models: tuple[ModelState, ...], current: ModelState | None) -
     if current is not None:
         return current.strip
     return models[-1].strip if models else ""
-
-
-class _Poses(NamedTuple):
-    """Both photos, and (6, e) errors that only the right one has."""
-
-    left: Pose
-    right: Pose
-    free: Array | None = None
 
 
 class _InWork:
@@ -270,11 +262,13 @@ class _InWork:
         return {name: self._mark(name) for name in self._measured.keys() | self._control}
 
     def places(
-        self, checks: tuple[TieCheck, ...], model: ModelState
+        self, checks: tuple[TieCheck, ...], model: ModelState, reach: float
     ) -> Mapping[str, tuple[Place, float]]:
-        """Return where those not measured in a model are expected, with standard deviations."""
+        """Return where those not measured in a model are expected, near some that are."""
         here = frozenset(m.point for m in model.measured)
-        return _uncertain(self._expected(checks, model, here))
+        close = Close.of(((m.xl, m.yl, m.xr, m.yr) for m in model.used), reach)
+        expected = _uncertain(self._expected(checks, model, here, close))
+        return {name: one for name, one in expected.items() if close.to(one[0])}
 
     def _mark(self, point: str) -> Mark:
         if point in self._control:
@@ -288,23 +282,26 @@ class _InWork:
         checks: tuple[TieCheck, ...],
         model: ModelState,
         without: frozenset[str] = frozenset(),
+        close: Close | None = None,
     ) -> dict[str, tuple[Place, float | None, str]]:
         """Return places of points known from elsewhere, standard deviations, and sources."""
         out: dict[str, tuple[Place, float | None, str]] = {}
+        known = {**self._stated, **stated_control(self._block, self._known.control, GROUND)}
+        stated = list(seen_by_stated(self._block, model, known))
         poses = self._poses(model)
         if poses is not None:
-            found = [(c.other, self._placed(c, poses, without)) for c in checks]
-            if not any(c.other == GROUND and c.cleaned for c in checks):
-                # as long as the strip itself has no fit, that of its neighbour shows the control
-                found += [(GROUND, self._by_way_of(c, poses, without)) for c in checks]
-            for source, seen in found:
-                for name, at, sigma in seen:
+            sights = list(self._sights(checks, poses, without))
+            if close is not None:
+                told = {name for name, at, *_ in stated if close.to(at)}
+                told.update(name for sight in sights for name in sight.near(close))
+                sights = [sight.among(told) for sight in sights]
+            for sight in sights:
+                for name, at, sigma in sight.seen():
                     before = out.get(name)
                     if before is None or sigma < (before[1] or 0.0):
-                        out[name] = (at, sigma, source)
+                        out[name] = (at, sigma, sight.source)
         # what was measured says it better, unless it says next to nothing
-        stated = {**self._stated, **stated_control(self._block, self._known.control, GROUND)}
-        for name, at, sigma, source in seen_by_stated(self._block, model, stated):
+        for name, at, sigma, source in stated:
             if name not in out or (out[name][1] or 0.0) > _UNCERTAIN:
                 out[name] = (at, sigma, source)
         marked = self._known.candidates or {}
@@ -315,46 +312,31 @@ class _InWork:
                 out[name] = ((*in_left[name], *in_right[name]), None, source)
         return out
 
-    def _placed(
-        self, check: TieCheck, poses: _Poses, without: frozenset[str]
-    ) -> Iterable[tuple[str, Place, float]]:
-        """Yield the points of another system, placed in two photos, with standard deviations."""
+    def _sights(
+        self, checks: tuple[TieCheck, ...], poses: Poses, without: frozenset[str]
+    ) -> Iterator[Sight]:
+        """Yield what every similarity shows in two photos of points that are known elsewhere."""
+        for check in checks:
+            yield from self._directly(check, poses, without)
+        if not any(c.other == GROUND and c.cleaned for c in checks):
+            # as long as the strip itself has no fit, that of its neighbour shows the control
+            for check in checks:
+                yield from self._by_way_of(check, poses, without)
+
+    def _directly(self, check: TieCheck, poses: Poses, without: frozenset[str]) -> Iterator[Sight]:
+        """Yield the points of another system that it places."""
         tie, this = check.cleaned, self._this
         if tie is None or this is None:
             return
         theirs = self._ground if check.other == GROUND else self._others[check.other]
-        names = theirs.points.keys() - without
-        points = tie.placed(_in_view(tie, theirs, names, poses))
+        names = in_view(tie, theirs, theirs.points.keys() - without, poses)
+        own: dict[str, Located] = {}
         if check.other == GROUND:
-            own = this.points.items()
-            points |= {p: at for p, at in own if p in self._control and p not in without}
-        yield from self._seen(tie, points, poses)
+            found = this.points.items()
+            own = {p: at for p, at in found if p in self._control and p not in without}
+        yield Sight(check.other, tie, names, own, poses, self._sigma0)
 
-    def _seen(
-        self, tie: StripTie, points: Mapping[str, Located], poses: _Poses
-    ) -> Iterable[tuple[str, Place, float]]:
-        """Yield points in two photos."""
-        if not points:
-            return
-        count = tie.count
-        left, right = (
-            in_photo(pose, list(points.values()), count, free)
-            for pose, free in ((poses.left, None), (poses.right, poses.free))
-        )
-        values = np.concatenate((left[0], right[0]), axis=1)
-        errors = np.concatenate((left[1], right[1]), axis=1)
-        n = len(values)
-        values, rest = tie.improved(values.ravel(), errors.reshape(4 * n, -1))
-        sigma = self._sigma0 * np.sqrt(np.einsum("ke,ke->k", rest, rest)).reshape(n, 4).max(axis=1)
-        for name, (xl, yl, xr, yr), s in zip(
-            points, values.reshape(n, 4).tolist(), sigma.tolist(), strict=True
-        ):
-            if isfinite(xl + yl + xr + yr + s):
-                yield name, (xl, yl, xr, yr), s
-
-    def _by_way_of(
-        self, check: TieCheck, poses: _Poses, without: frozenset[str]
-    ) -> Iterable[tuple[str, Place, float]]:
+    def _by_way_of(self, check: TieCheck, poses: Poses, without: frozenset[str]) -> Iterator[Sight]:
         """Yield control that only another strip's fit to it places, as this strip has it."""
         if check.cleaned is None or check.tie is None:
             return
@@ -364,10 +346,10 @@ class _InWork:
             return
         missing = joint.points.keys() - other.points.keys()
         # the same similarity, but for the errors of what it places
-        names = _in_view(check.tie, joint, missing - without, poses)
+        names = in_view(check.tie, joint, missing - without, poses)
         tie = self._way(check.other, joint, missing) if names else None
         if tie is not None:
-            yield from self._seen(tie, tie.placed(names), poses)
+            yield Sight(GROUND, tie, names, {}, poses, self._sigma0)
 
     def _way(self, name: str, joint: System, missing: Set[str]) -> StripTie | None:
         """Return the similarity to a strip with the control that it places."""
@@ -379,14 +361,14 @@ class _InWork:
                 self._ways[name] = None
         return self._ways.get(name)
 
-    def _poses(self, model: ModelState) -> _Poses | None:
+    def _poses(self, model: ModelState) -> Poses | None:
         """Return both photos: the right one as a regular flight has it while it is not known."""
         this = self._this
         if this is None or model.left not in this.photos:
             return None
         left = this.photos[model.left]
         if model.right in this.photos:
-            return _Poses(left, this.photos[model.right])
+            return Poses(left, this.photos[model.right])
         before = next((m.left for m in self._own if m.right == model.left), None)
         if before is None:
             return None
@@ -394,7 +376,7 @@ class _InWork:
         size = float(np.linalg.norm(step))
         free = np.diag([_BASE * size] * 3 + [_TILT] * 3) / self._sigma0
         c = self._block.camera_of(model.right).c
-        return _Poses(left, Pose(c, left.centre + step, left.rotation, left.errors), free)
+        return Poses(left, Pose(c, left.centre + step, left.rotation, left.errors), free)
 
     def strayed(self, model: ModelState) -> tuple[tuple[str, float, str], ...]:
         """Return the points that lie elsewhere than an earlier model of the strip has them."""
@@ -476,22 +458,6 @@ class _InWork:
                     "of its points under its own name with +, then others are driven to"
                 )
         return ""
-
-
-def _in_view(tie: StripTie, other: System, points: Set[str], poses: _Poses) -> list[str]:
-    """Return those of some points of another system that lie about in two photos."""
-    names = [name for name in other.points if name in points]
-    n = len(names)
-    if n == 0:
-        return []
-    xyz = tie.carried(np.array([other.points[name].xyz for name in names]))
-    good = np.ones(n, dtype=bool)
-    for pose in poses[:2]:
-        centres, turned = np.broadcast_to(pose.centre, (n, 3)), pose.rotation
-        seen = project(centres, np.broadcast_to(turned, (n, 3, 3)), np.full(n, pose.c), xyz)
-        # not far outside: what is known of a right photo may still be rough
-        good &= (seen.depth > 0.0) & (np.abs(seen.xy) < pose.c).all(axis=1)
-    return [names[k] for k in np.flatnonzero(good).tolist()]
 
 
 def _uncertain(

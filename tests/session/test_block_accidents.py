@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from test_stated_orientation import orientations
 from transferscene import BlockBench, flown, marked
 
 from anaplot.cli import main
@@ -19,7 +20,8 @@ from anaplot.session import blockaccidents
 from anaplot.session.blockaccidents import BlockAccidents, block_accidents
 from anaplot.session.commands import NextModel
 from anaplot.session.filedmodels import filed_models
-from anaplot.session.tiecheck import GROUND
+from anaplot.session.tiecheck import GROUND, Known
+from anaplot.session.transfer import transfer_of_strip
 from anaplot.station.imagepoints import rows_of
 
 SEED = 4
@@ -94,6 +96,52 @@ def test_the_console_and_the_files_say_the_same() -> None:
         (m.name, {p.point: "tie" for p in m.plan if p.role == "tie" and m.measurement(p.point)})
         for m in (*state.models, state.current)
     ]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("known_orientations", [False, True])
+def test_places_far_from_what_is_measured_are_not_told_and_the_others_are_the_same(
+    known_orientations: bool,
+) -> None:
+    of = block()
+    for name in lateral(of)[1::2]:
+        of = changed(of, name, point=f"{name}'")
+    if known_orientations:
+        # near another point by these and the control, and far from it by the other strip
+        of = changed(of, "C5", point="C5'")
+        of = replace(
+            of,
+            image_points=tuple(
+                replace(r, x=r.x + 2.0) if r.point == "C5" else r for r in of.image_points
+            ),
+        )
+        photos = orientations(SEED)
+        true = tuple(
+            replace(p, position=tuple(photos[p.id][0]), rotation=tuple(photos[p.id][1]))
+            for p in of.photos
+        )
+        of = replace(of, photos=true)
+    models = filed_models(of)
+    before, own = (tuple(m for m in models if m.strip == strip) for strip in ("1", "2"))
+    counts = []
+    alone = tuple(c for c in of.control if c.point == "C5")
+    for control in (of.control, (), alone):
+        known = Known.of(control, None)
+        whole = transfer_of_strip(of, before, own, known, len(own), np.inf)
+        for reach in (0.015, 0.05, 0.4, 20.0):
+            told = transfer_of_strip(of, before, own, known, len(own), reach)
+            counts.append(sum(len(one.places) for one in told))
+            for model, one, all_of in zip(own, told, whole, strict=True):
+                there = np.array([(m.xl, m.yl, m.xr, m.yr) for m in model.used])
+                close = {
+                    name: (*at, sigma)
+                    for name, (at, sigma) in all_of.places.items()
+                    if (np.abs(there - at).max(axis=1) < reach).any()
+                }
+                assert list(one.places) == list(close)
+                for name, (at, sigma) in one.places.items():
+                    assert (*at, sigma) == pytest.approx(close[name], rel=1e-9, abs=1e-9)
+    assert 0 < counts[0] < counts[1]
 
 
 @pytest.mark.slow

@@ -261,7 +261,8 @@ def test_an_id_that_an_earlier_model_has_elsewhere_is_told(monkeypatch):
     assert any(t.startswith(f"{first} measured ") and "101/102 has it" in t for t in bench.told)
     # a place that could not be computed anew stays the former one: no two places to compare
     block, models, current = made.block, bench.desk.state.models, bench.desk.state.current
-    (last,) = transfer_of_strip(block, (*models, current), (*models, current), NOTHING_KNOWN, 1)
+    whole = (*models, current)
+    (last,) = transfer_of_strip(block, whole, whole, NOTHING_KNOWN, 1, 0.5)
     assert [name for name, _, _ in last.strayed] == [first]
     former = geometry_of(block, models[:1]).points[first]
 
@@ -270,7 +271,7 @@ def test_an_id_that_an_earlier_model_has_elsewhere_is_told(monkeypatch):
         return replace(geometry, points={**geometry.points, first: former})
 
     monkeypatch.setattr(transfer_module, "geometry_of", kept)
-    (last,) = transfer_of_strip(block, (*models, current), (*models, current), NOTHING_KNOWN, 1)
+    (last,) = transfer_of_strip(block, whole, whole, NOTHING_KNOWN, 1, 0.5)
     assert last.strayed == ()
 
 
