@@ -75,7 +75,7 @@ def _suspects(block: AdjustedBlock) -> Iterator[Suspect]:
             continue
         point = int(problem.point[ray])
         labels, rho = block.point_correlations(problem.points[point])
-        rays, _ = block.cofactors.point_rays(point)
+        rays = block.cofactors.rays_of(point)
         at = 2 * int(np.flatnonzero(rays == ray)[0]) + axis
         r, w = block.cofactors.r[rays].ravel(), block.w[rays].ravel()
         columns = np.nan_to_num(rho[at]) * np.sqrt(r * r[at])

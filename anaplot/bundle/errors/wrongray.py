@@ -99,14 +99,16 @@ def explained(block: AdjustedBlock, point: str) -> float:
 
 def _agree(block: AdjustedBlock, weighed: _Weighed, square: float, rank: int) -> bool:
     """Whether the other rays of a point agree without one that explains so much of its squares."""
-    free = weighed.rank - rank
+    squares, values = _squares(weighed.q, weighed.v.ravel())
+    every, known = float(squares.sum()), int((values > 0.0).sum())
+    free = known - rank
     if free < 1:
         return True
-    left = max(weighed.square - square, 0.0)
+    left = max(every - square, 0.0)
     if not weighed.estimated:
         return not f_test(left, free, alpha=_CHANCE).rejected
-    elsewhere = block.redundancy - weighed.rank
-    rest = block.vtpv / weighed.sigma**2 - weighed.square
+    elsewhere = block.redundancy - known
+    rest = block.vtpv / weighed.sigma**2 - every
     if elsewhere < 1 or rest <= 0.0:
         return True  # nothing else says how large sigma is
     sigma = sqrt(rest / elsewhere)
@@ -125,8 +127,8 @@ class _Weighed(NamedTuple):
         residuals it has.
     logs
         Logarithms of their Bayes factors against no error.
-    square, rank
-        As statistics and ranks, of all rays together.
+    q, v
+        (2k, 2k) cofactors of the residuals of all of them, and (k, 2) the residuals by sigma.
     sigma, estimated
         The sigma that was used, and whether it is an estimated one.
     """
@@ -135,8 +137,8 @@ class _Weighed(NamedTuple):
     statistics: list[float | None]
     ranks: list[int]
     logs: list[float]
-    square: float
-    rank: int
+    q: Array
+    v: Array
     sigma: float
     estimated: bool
 
@@ -147,31 +149,33 @@ def _weigh(block: AdjustedBlock, point: str) -> _Weighed:
     sigma = block.sigma if block.sigma is not None and block.sigma > 0.0 else 1.0
     f = block.redundancy
     estimated = not sigma0_known(problem.test.kind) and bool(block.sigma)
-    statistics: list[float | None] = []
-    ranks: list[int] = []
-    logs: list[float] = []
-    for k, ray in enumerate(rays.tolist()):
-        size, values = _squares(q[2 * k : 2 * k + 2, 2 * k : 2 * k + 2], block.v[ray] / sigma)
-        ranks.append(len(values))
-        if not len(values):
-            statistics.append(None)
-            logs.append(0.0)
-            continue
-        g = ERROR_PRIOR_SIGMAS**2 * values
-        statistics.append(float(size.sum()))
-        share = float((size * g / (1.0 + g)).sum())
-        if estimated:
-            # the sum of squares that an error here would leave; more than all cannot be explained
-            share = -f * float(np.log1p(-min(share / f, 1.0 - _ALL)))
-        logs.append(0.5 * (share - float(np.log1p(g).sum())))
-    size, values = _squares(q, block.v[rays].ravel() / sigma)
-    square = float(size.sum())
-    return _Weighed(rays.tolist(), statistics, ranks, logs, square, len(values), sigma, estimated)
+    v, each = block.v[rays] / sigma, np.arange(len(rays))
+    squares, values = _squares(q.reshape(len(rays), 2, -1, 2)[each, :, each], v)
+    g = ERROR_PRIOR_SIGMAS**2 * values
+    shares = (squares * g / (1.0 + g)).sum(axis=1)
+    if estimated:
+        # the sum of squares that an error here would leave; more than all cannot be explained
+        shares = -f * np.log1p(-np.minimum(shares / f, 1.0 - _ALL))
+    ranks = (values > 0.0).sum(axis=1).tolist()
+    sizes = squares.sum(axis=1).tolist()
+    return _Weighed(
+        rays.tolist(),
+        [size if rank else None for size, rank in zip(sizes, ranks, strict=True)],
+        ranks,
+        (0.5 * (shares - np.log1p(g).sum(axis=1))).tolist(),
+        q,
+        v,
+        sigma,
+        estimated,
+    )
 
 
 def _squares(q: Array, v: Array) -> tuple[Array, Array]:
-    """Return z^2 / q of residuals v along the axes of their cofactors, and q, where testable."""
+    """Return z^2 / q of residuals v (..., n) along the axes of cofactors q (..., n, n), and q.
+
+    Both are 0 along axes that cannot be tested.
+    """
     values, axes = np.linalg.eigh(q)
     good = values > TESTABLE
-    z = (axes.T @ v)[good]
-    return z**2 / values[good], values[good]
+    z = np.matmul(v[..., None, :], axes)[..., 0, :]
+    return np.where(good, z**2 / np.where(good, values, 1.0), 0.0), np.where(good, values, 0.0)

@@ -177,13 +177,18 @@ class Cofactors:
     change: DatumChange | None = field(default=None, repr=False)
     offsets: OffsetCofactors | None = field(default=None, repr=False)
 
+    def rays_of(self, point: int) -> Index:
+        """Return the rays of a point, which stand side by side."""
+        groups = self.normal.problem.groups
+        group = next(g for g in groups if point < g.first_point + g.points)
+        start = group.first_ray + (point - group.first_point) * group.rays
+        return np.arange(start, start + group.rays)
+
     def point_rays(self, point: int) -> tuple[Index, Array]:
         """Return the rays of a point and the (2k, 2k) whitened cofactors of their residuals."""
         problem = self.normal.problem
-        group = next(g for g in problem.groups if point < g.first_point + g.points)
-        k = group.rays
-        start = group.first_ray + (point - group.first_point) * k
-        rays = np.arange(start, start + k)
+        rays = self.rays_of(point)
+        k = len(rays)
         linear = self.normal.linear
         d = linear.a.shape[2]
         q = self.normal.structure.among(problem.photo[rays], self.inverse.blocks)
