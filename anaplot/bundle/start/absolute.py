@@ -13,6 +13,9 @@ from anaplot.photogrammetry.similarity import Similarity, fit_to_partial, robust
 
 __all__ = ["give_nominal_place", "to_ground", "to_some_ground"]
 
+_TURNS = 120  # about a line of control
+_RAYS_AT_ONCE = 20_000  # turned and projected together
+
 
 def to_ground(problem: Problem, subblock: SubBlock) -> bool:
     """Lay a sub-block onto control and stated positions.
@@ -115,17 +118,24 @@ def _about_the_line(
     photo, c = problem.photo[use], problem.c[problem.photo[use]]
     centres, rotations = subblock.centres[photo], subblock.rotations[photo]
     ideal, there = problem.ideal[use], near[problem.point[use]]
+    turned = turns(np.linspace(0.0, 2.0 * np.pi, _TURNS, endpoint=False)[:, None] * axis)
+    rotation, shift = turned @ start.rotation, middle + turned @ (start.shift - middle)
     best, best_size = start, float("inf")
-    for angle in np.linspace(0.0, 2.0 * np.pi, 120, endpoint=False).tolist():
-        rotation = turns(angle * axis[None])[0]
-        trial = Similarity(
-            start.scale, rotation @ start.rotation, middle + rotation @ (start.shift - middle)
-        )
-        seen = project(trial.apply(centres), trial.rotation @ rotations, c, there)
-        miss = np.linalg.norm(seen.xy - ideal, axis=1)
-        miss = np.where((seen.depth > 0.0) & np.isfinite(miss), np.minimum(miss, c), 4.0 * c)
-        if float(miss.sum()) < best_size - 1e-9:
-            best, best_size = trial, float(miss.sum())
+    # so many turns at once as keep the arrays small
+    at_once = max(1, _RAYS_AT_ONCE // len(use))
+    for first in range(0, _TURNS, at_once):
+        part = slice(first, first + at_once)
+        count = len(rotation[part])
+        moved = start.scale * centres @ rotation[part].transpose(0, 2, 1) + shift[part, None]
+        looking = (rotation[part, None] @ rotations).reshape(-1, 3, 3)
+        every = np.tile(c, count)
+        seen = project(moved.reshape(-1, 3), looking, every, np.tile(there, (count, 1)))
+        miss = np.linalg.norm(seen.xy - np.tile(ideal, (count, 1)), axis=1)
+        fits = (seen.depth > 0.0) & np.isfinite(miss)
+        miss = np.where(fits, np.minimum(miss, every), 4.0 * every)
+        for k, size in enumerate(miss.reshape(count, -1).sum(axis=1).tolist(), first):
+            if size < best_size - 1e-9:
+                best, best_size = Similarity(start.scale, rotation[k], shift[k]), size
     return best
 
 
