@@ -44,7 +44,7 @@ from anaplot.adjustment.reliability import HARD_TO_TELL
 from anaplot.adjustment.residualsystem import DenseResiduals
 from anaplot.adjustment.search import search
 from anaplot.adjustment.significance import TESTABLE, critical_normal
-from anaplot.adjustment.stepwise import rule_of, stepwise
+from anaplot.adjustment.stepwise import rule_of, step_by_step
 from anaplot.adjustment.watch import Watch
 from anaplot.aliases import Array, Bools, Index
 
@@ -242,12 +242,6 @@ class _Sweeps:
     def _changes(self, given: RowsGiven, out: frozenset[int], *, exchange: bool) -> _Changes:
         return _Changes(out, given.vtpv, self.critical**2 if self.best else None, exchange)
 
-    def _stepwise(
-        self, state: Elimination, suspects: Bools, most: int
-    ) -> tuple[Elimination, list[SearchStep]]:
-        rule = rule_of("baarda", self.alpha)
-        return stepwise(state, rule, suspects, most, Watch(), together=False)
-
     def _sweep(self, given: RowsGiven, out: frozenset[int]) -> _Changes | None:
         """Let the rule decide in every place with a conspicuous row; None where nothing changes."""
         size = standardized(given, [*out, *self.held])
@@ -276,7 +270,8 @@ class _Sweeps:
         """Yield the steps of the rule in a place that nothing elsewhere leaves in doubt."""
         state = _begun(place, out)
         suspects, size = self.suspects[place.rows], np.abs(state.w)
-        _, steps = self._stepwise(state, suspects, len(state.rows) + room)
+        most, rule = len(state.rows) + room, rule_of("baarda", self.alpha)
+        steps = step_by_step(state, rule, suspects, most, Watch(), together=False)
         for number, step in enumerate(steps):
             statistic, limit = step.statistic or 0.0, step.critical or 0.0
             doubt = doubts.of(k, statistic)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from math import sqrt
 from typing import NamedTuple
 
@@ -22,6 +22,7 @@ __all__ = [
     "Rule",
     "bring_back",
     "rule_of",
+    "step_by_step",
     "stepwise",
 ]
 
@@ -206,14 +207,33 @@ def stepwise(
     together
         Whether all rows beyond the limit go at once, not the largest alone.
     """
-    proposals, steps = Proposals(state.system.names), list(steps)
+    return state, [*steps, *step_by_step(state, rule, suspects, most, watch, together=together)]
+
+
+def step_by_step(
+    state: Elimination,
+    rule: Rule,
+    suspects: Bools,
+    most: int,
+    watch: Watch,
+    *,
+    together: bool,
+) -> Iterator[SearchStep]:
+    """Yield the steps of `stepwise`, each when it is done: what is not asked for is not computed.
+
+    Parameters
+    ----------
+    state, rule, suspects, most, watch, together
+        As `stepwise` has them.
+    """
+    proposals = Proposals(state.system.names)
     seen = {frozenset(state.rows)}
     while not watch.stopped:
         watch("rejecting", len(state.rows) / max(most, 1))
         test = rule(state)
         back = _first_back(state, test, proposals, seen)
         if back:
-            steps.append(_drop(state, back, test))
+            yield _drop(state, back, test)
             seen.add(frozenset(state.rows))
             continue
         with np.errstate(invalid="ignore"):
@@ -236,11 +256,10 @@ def stepwise(
             break
         limit = float(test.limit[taken[0]])
         smallest = float(np.nanmin(test.size[taken]))
-        steps.append(SearchStep("reject", tuple(taken), smallest, limit, before, state.vtpv))
+        yield SearchStep("reject", tuple(taken), smallest, limit, before, state.vtpv)
         if frozenset(state.rows) in seen:
             break
         seen.add(frozenset(state.rows))
-    return state, steps
 
 
 def bring_back(state: Elimination, rule: Rule, watch: Watch) -> list[SearchStep]:

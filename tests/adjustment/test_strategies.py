@@ -16,7 +16,9 @@ from anaplot.adjustment.modelvalues import beyond_model
 from anaplot.adjustment.residualsystem import DenseResiduals
 from anaplot.adjustment.reweighting import HUBER_LIMIT, reweight, weighted_misclosures
 from anaplot.adjustment.significance import critical_normal, critical_tau
+from anaplot.adjustment.stepwise import rule_of, step_by_step, stepwise
 from anaplot.adjustment.strategies import STRATEGIES, find_gross_errors, pair_odds, sigma_of
+from anaplot.adjustment.watch import Watch
 
 
 def system_of(design: np.ndarray, misclosures: np.ndarray) -> DenseResiduals:
@@ -122,6 +124,20 @@ def test_weights_from_columns_are_those_of_a_new_adjustment(seed: int) -> None:
     )
     found = weighted_misclosures(system, weights)
     assert sign * found == pytest.approx(misclosures - design @ x, abs=1e-7)
+
+
+def test_steps_that_nobody_asks_for_are_not_done() -> None:
+    planted = {3: 60.0, 17: 45.0, 30: -30.0}
+    system, suspects = random_system(4, errors=planted)[2], np.ones(40, dtype=bool)
+    rule = rule_of("baarda", 0.001)
+    every, steps = stepwise(Elimination(system), rule, suspects, 20, Watch(), together=False)
+    assert planted.keys() <= set(every.rows)
+    state = Elimination(system)
+    one_by_one = step_by_step(state, rule, suspects, 20, Watch(), together=False)
+    assert next(one_by_one) == steps[0]
+    assert state.rows == steps[0].rows
+    assert [*one_by_one] == steps[1:]
+    assert state.rows == every.rows
 
 
 @pytest.mark.parametrize("strategy", STRATEGIES)
