@@ -103,7 +103,7 @@ def test_an_interrupt_while_working_is_one_line(capsys, monkeypatch) -> None:
 
     monkeypatch.setattr(patterncomparison, "planned_pattern", interrupted)
     assert main(PATTERN) == 130
-    assert re.fullmatch(r"anaplot: interrupted: reading, after \d s\n", capsys.readouterr().err)
+    assert re.fullmatch(r"anaplot: interrupted: reading, after \d\.\d s\n", capsys.readouterr().err)
 
 
 def test_the_installed_command_is_the_module() -> None:

@@ -94,7 +94,7 @@ def add_adjust_arguments(adjust: argparse.ArgumentParser) -> None:
         "--time-limit",
         type=between(0.1, 1e6),
         metavar="SECONDS",
-        help="end then: a search for gross errors with the best that it has found, anything else "
+        help="end then: a search (--errors, --thin) with the best that it has found, anything else "
         "with 4 and how far it came",
     )
     adjust.add_argument(

@@ -18,11 +18,13 @@ from anaplot.aliases import Progress
 
 __all__ = ["EndingEarly", "TimeLimit"]
 
-_MORE = 0.5  # of a limit, for what follows a search that has been ended by it
+_MORE = 0.5  # of a limit, for a search to end that was asked for it
 
 
 class TimeLimit:
-    """Interrupts the main thread when a time is over, and once more half as much later.
+    """Interrupts the main thread when a time is over; a search that goes on once more.
+
+    Also where interrupts are ignored, as of what a shell runs in the background.
 
     Parameters
     ----------
@@ -55,22 +57,31 @@ class TimeLimit:
                 self.over = True
                 _thread.interrupt_main()
 
+    def enough(self) -> None:
+        """Interrupt no more: a search has ended, and what it found is put together."""
+        with self._lock:
+            self._done.set()
+
+    def _interrupted(self, number: int, frame: FrameType | None) -> None:
+        if self.over or self._before is not signal.SIG_IGN:
+            raise KeyboardInterrupt
+
     def __enter__(self) -> TimeLimit:
         if self.seconds is not None and threading.current_thread() is threading.main_thread():
             self._waiting = threading.Thread(
                 target=self._wait, args=(self.seconds,), name="time limit", daemon=True
             )
-            self._before = signal.getsignal(signal.SIGINT)
+            self._before = signal.signal(signal.SIGINT, self._interrupted)
             try:
                 self._waiting.start()
             except KeyboardInterrupt:
                 self._done.set()
+                signal.signal(signal.SIGINT, self._before)
                 raise
         return self
 
     def __exit__(self, *_: object) -> None:
-        with self._lock:
-            self._done.set()
+        self.enough()
         if self._waiting is not None:
             self._waiting.join()
             # an interrupt that has come is raised before a handler changes: here, and not later
@@ -116,5 +127,7 @@ class EndingEarly(Watch):
         signal.signal(signal.SIGINT, stop)
         try:
             yield self
+            if self._limit.over:
+                self._limit.enough()
         finally:
             signal.signal(signal.SIGINT, before)

@@ -64,7 +64,8 @@ class ProgressLine:
         with self._lock:
             done = f" {100.0 * self._fraction:.0f} %" if self._fraction > 0.0 else ""
             what = plain(self._what, 200) + done + (", " if self._what else "")
-        return f"{what}after {_span(time.monotonic() - self._begun)}"
+            gone = time.monotonic() - self._begun
+        return f"{what}after {_span(gone) if gone >= 10.0 else f'{gone:.1f} s'}"
 
     def _draw(self, now: float) -> None:
         self._next = now + _EVERY

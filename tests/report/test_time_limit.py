@@ -40,6 +40,12 @@ def searching(progress) -> Computed[bool]:
     return answer(progress)
 
 
+def slow(progress) -> Computed[bool]:
+    found = searching(progress)
+    time.sleep(0.3)  # what the search found is put together, longer than half the limit
+    return found
+
+
 def deaf(progress) -> Computed[bool]:
     with progress.searching():
         return endless(progress)
@@ -60,6 +66,28 @@ def test_a_search_ends_with_the_best_it_has(capsys: pytest.CaptureFixture[str]) 
     assert computed(Namespace(time_limit=0.2), searching).result
     said = capsys.readouterr().err
     assert "0.2 s are over: the search ends with the best that it has found\n" in said
+
+
+def test_what_it_found_is_put_together_however_long_that_takes() -> None:
+    assert computed(Namespace(time_limit=0.2), slow).result
+
+
+def test_a_limit_holds_where_interrupts_are_ignored() -> None:
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        with pytest.raises(NotComputableError):
+            computed(Namespace(time_limit=0.2), endless)
+        assert computed(Namespace(time_limit=0.2), searching).result
+        # and a person's are still ignored
+
+        def interrupted(progress) -> Computed[bool]:
+            signal.raise_signal(signal.SIGINT)
+            return answer(progress)
+
+        assert not computed(Namespace(time_limit=LONG), interrupted).result
+        assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def test_a_search_that_does_not_end_is_left(capsys: pytest.CaptureFixture[str]) -> None:
