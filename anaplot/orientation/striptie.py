@@ -493,7 +493,8 @@ def _level_start(
     shift = two[i] - factor * one[i]
     gaps = np.abs(factor[:, None] * one + shift[:, None] - two)
     # two points always agree
-    middle = np.sort(gaps, axis=1)[:, min(len(one) - 1, max(len(one) // 2, 2))]
+    half = min(len(one) - 1, max(len(one) // 2, 2))
+    middle = np.partition(gaps, half, axis=1)[:, half]
     best = int(np.argmin(middle))
     if not abs(factor[best]) > 0.0:
         raise NotComputableError("the common points lie in one place")
