@@ -249,7 +249,8 @@ class Problem:
         Three full control points do without priors, which may be as wide as anything. So do two
         and a single coordinate, but for narrow ones: a wide one may lie anywhere.
         """
-        full = np.isfinite(self.known).all(axis=1)
+        x, y, z = np.isfinite(self.known).T
+        full = x & y & z  # many times as quick as along the short axis
         if int(full.sum()) >= _FULL_CONTROL:
             return self.known
         expected = self.expected

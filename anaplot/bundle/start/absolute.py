@@ -77,7 +77,8 @@ def to_some_ground(problem: Problem, subblock: SubBlock) -> None:
 def _both_places(problem: Problem, subblock: SubBlock) -> tuple[Array, Array]:
     """Return places in the sub-block, (n, 3), and what is known of them; NaN where nothing is."""
     near = problem.near
-    placed = subblock.placed & np.isfinite(near).any(axis=1)
+    x, y, z = np.isfinite(near).T
+    placed = subblock.placed & (x | y | z)
     stated = subblock.oriented & np.isfinite(problem.position[:, 0])
     source = np.concatenate((subblock.points[placed], subblock.centres[stated]))
     return source, np.concatenate((near[placed], problem.stated_centres[stated]))
@@ -106,8 +107,8 @@ def _about_the_line(
     if len(source) > 2 and spread[1] > 0.15 * spread[0]:
         return None
     near = problem.near
-    known = np.asarray(np.isfinite(near).all(axis=1))
-    use = np.nonzero(subblock.oriented[problem.photo] & known[problem.point])[0]
+    x, y, z = np.isfinite(near).T
+    use = np.nonzero(subblock.oriented[problem.photo] & (x & y & z)[problem.point])[0]
     start = _along_the_line(source, target) if start is None else start
     if start is None:
         return None
