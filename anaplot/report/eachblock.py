@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import contextlib
-import hashlib
-import json
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -19,6 +17,7 @@ from anaplot.exchange.blockfolder import read_block
 from anaplot.photogrammetry.block import Block
 from anaplot.report.computed import Computed
 from anaplot.report.running import BlockOrFolder
+from anaplot.report.sameasked import digest_of, name_of
 from anaplot.report.workplace import place_of, said_how_to_go_on
 from anaplot.shares.address import LOCAL, cluster_address
 from anaplot.shares.work import SharesLostError, carry_out
@@ -75,7 +74,8 @@ def each(
         `if __name__ == "__main__"`.
     to
         A file that keeps the answers; the same call goes on from there. A block that has changed,
-        or failed, is computed again.
+        or failed, is computed again; where an option says something else, or what is in a file
+        that it names, the file is refused.
     progress
         Called with what is being done and the fraction of it (0 to 1).
     **options
@@ -168,37 +168,24 @@ class _Each:
 def _read(number: int, one: BlockOrFolder, *, digest: bool) -> _Share:
     try:
         block = one if isinstance(one, Block) else read_block(one)
+        return _Share(number, block, digest_of("the block", block) if digest else None)
     except AnaplotError as error:
         return _Share(number, str(error), None)
-    return _Share(number, block, _digest(block) if digest else None)
-
-
-def _digest(block: Block) -> str:
-    """Return a digest of everything that a block says."""
-    digest = hashlib.sha256()
-    waiting: list[Any] = [block]
-    while waiting:
-        one = waiting.pop()
-        if is_dataclass(one):
-            # not its repr: that leaves the rows out
-            digest.update(f"{type(one).__name__}(".encode())
-            waiting += [getattr(one, field.name) for field in fields(one)]
-        elif isinstance(one, Mapping):
-            digest.update(f"{{{len(one)}".encode())
-            waiting += [part for item in one.items() for part in item]
-        elif isinstance(one, list | tuple):
-            digest.update(f"[{len(one)}".encode())
-            waiting += one
-        else:
-            digest.update(f"{one!r};".encode())
-    return digest.hexdigest()
 
 
 def _head(compute: Callable[..., Any], options: dict[str, Any]) -> dict[str, Any]:
     """Return what tells a computation from another one."""
+    name, parts = name_of(compute)
+    asked = sorted(options.items())
     return {
         "anaplot": __version__,
         "json": JSON_VERSION,
-        "compute": f"{compute.__module__}.{compute.__qualname__}",
-        "options": json.loads(json.dumps(options, default=str, sort_keys=True)),
+        "compute": name,
+        "options": {option: _said(value) for option, value in asked},
+        "content": digest_of("an option", [asked, parts], names_files=True),
     }
+
+
+def _said(value: Any) -> str:
+    """Return an option for people; what it holds is in the digest."""
+    return plain(os.fspath(value) if isinstance(value, os.PathLike) else repr(value), 200)

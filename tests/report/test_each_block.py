@@ -5,13 +5,17 @@ from __future__ import annotations
 import json
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import anaplot
 from anaplot.cli import main
 from anaplot.errors import InputError
+from anaplot.photogrammetry.posterior import Posterior, coordinate_name
+from anaplot.report.sameasked import digest_of
 from anaplot.shares.cluster import Cluster
 from anaplot.shares.local import GivenExecutor
 
@@ -89,6 +93,47 @@ def test_a_file_of_something_else_is_refused(tmp_path: Path, blocks: list[anaplo
     assert kept.read_bytes() == whole
     with pytest.raises(InputError, match=r"--on: .*must be local, or dask"):
         anaplot.each(anaplot.adjust, blocks, on="dask:/x")
+
+
+@pytest.mark.parametrize("kind", [str, Path])
+def test_what_is_in_files_and_objects_is_asked_too(
+    tmp_path: Path, blocks: list[anaplot.Block], kind: type
+) -> None:
+    kept, given = tmp_path / "kept.jsonl", tmp_path / "given.npz"
+    anaplot.adjust(blocks[0], posterior=given)
+    alone = anaplot.adjust(blocks[1], given=given).to_dict()
+    call = partial(anaplot.each, anaplot.adjust, blocks[1:2], processes=1, to=kept)
+    assert call(given=kind(given))[0].answer == alone
+    before = kept.read_bytes()
+    assert call(given=kind(given))[0].answer == alone
+    assert kept.read_bytes() == before
+    given.write_bytes(given.read_bytes() + b"\n")
+    with pytest.raises(InputError, match="belongs to another computation: content is"):
+        call(given=kind(given))
+    assert kept.read_bytes() == before
+
+
+def test_digests_tell_apart_what_differs() -> None:
+    name = (coordinate_name("point:1:X"),)
+    rows = np.arange(3000.0)
+    off = rows.copy()
+    off[1500] += 1e-12
+    different: list[object] = [
+        Posterior(name, np.array([1.0]), np.eye(1)),
+        Posterior(name, np.array([1.0 + 1e-15]), np.eye(1)),
+        Posterior(name, np.array([1.0]), 2.0 * np.eye(1)),
+        rows, off, rows.reshape(2, -1), rows.astype(np.float32), rows.view(np.int64),
+        1, 1.0, "1", None, True, [1], {1}, {1, 2}, b"1", np.float64(1), float("nan"),
+        anaplot.adjust, partial(anaplot.adjust, datum="free"), partial(anaplot.adjust),
+    ]  # fmt: skip
+    assert len({digest_of("it", one) for one in different}) == len(different)
+    assert digest_of("it", "pyproject.toml" * 900, names_files=True)
+    assert digest_of("it", {1, 2, 9}) == digest_of("it", {9, 2, 1})
+    assert digest_of("it", rows) == digest_of("it", np.arange(6000.0)[:3000])
+    for odd in (object(), np.array([object()]), iter([1]), lambda: 1, rows.sum, Path("missing")):
+        with pytest.raises(InputError) as error:
+            digest_of("it", [odd])
+        assert "\n" not in str(error.value)
 
 
 def test_a_series_is_done_elsewhere(
