@@ -8,6 +8,7 @@ opened; the connection is that of dask's configuration, also where that asks for
 from __future__ import annotations
 
 import logging
+import pickle
 import time
 from collections.abc import Iterator
 from concurrent.futures import CancelledError, Future
@@ -17,7 +18,7 @@ from threading import Event, Thread
 from typing import Any, NamedTuple
 
 from anaplot.errors import AnaplotError, InputError, NotComputableError
-from anaplot.shares.work import Sent, SharesLostError, forget, versions_here
+from anaplot.shares.work import Failed, Sent, SharesLostError, forget, versions_here
 from anaplot.textfiles.wording import plain
 
 __all__ = ["Cluster"]
@@ -175,9 +176,11 @@ class _Cluster:
                 f"{self._of.named()}: a share lost its worker four times (out of memory?)"
             ) from error
         if isinstance(error, ImportError):
+            # outside of the share, see `_do_sent`: it could not even be received
+            ours = (error.name or "").split(".")[0] == "anaplot"
+            lacks = "no anaplot of this kind" if ours else "not all that is needed"
             raise InputError(
-                f"{self._of.named()}: a worker has no anaplot of this kind "
-                f"({plain(str(error), _SAID)})"
+                f"{self._of.named()}: a worker has {lacks} ({plain(str(error), _SAID)})"
             ) from error
         if isinstance(error, AnaplotError):
             return False
@@ -205,7 +208,17 @@ class _Cluster:
 
 
 def _do_sent(sent: Sent[Any, Any], share: Any) -> Any:
-    return sent.do(share)
+    """Do a share; its own error is an answer, so that one of dask is never taken for it."""
+    try:
+        return sent.do(share)
+    except Exception as error:
+        try:
+            whole = type(pickle.loads(pickle.dumps(error))) is type(error)  # noqa: S301 - it is ours
+        except Exception:  # noqa: BLE001 - whatever its class makes of it
+            whole = False
+        if not whole:
+            raise  # dask has a way to send it
+        return Failed(error)
 
 
 @contextmanager

@@ -20,6 +20,7 @@ from anaplot.version import __version__
 
 __all__ = [
     "REPEATS",
+    "Failed",
     "Place",
     "Sent",
     "SharesLostError",
@@ -63,7 +64,10 @@ class Workers(Protocol):
         ...
 
     def hand_out(self, share: Any) -> Future[Any]:
-        """Let somebody do a share; BrokenExecutor: nobody can, until they are renewed."""
+        """Let somebody do a share; BrokenExecutor: nobody can, until they are renewed.
+
+        Its answer may be `Failed`, which raises that error.
+        """
         ...
 
     def was_lost(self, error: BaseException) -> bool:
@@ -142,6 +146,12 @@ class Sent(Generic[S, D]):
                         )
                 self._ready = self.work.prepare()
         return self._ready(share)
+
+
+class Failed(NamedTuple):
+    """What a share failed with by itself, as its answer: no worker was lost."""
+
+    error: Exception
 
 
 def _receive(work: Work[S, D], token: str, versions: dict[str, str]) -> Sent[S, D]:
@@ -267,7 +277,12 @@ def in_order(
 
 
 def _good(future: Future[Any]) -> bool:
-    return future.done() and not future.cancelled() and future.exception() is None
+    return (
+        future.done()
+        and not future.cancelled()
+        and future.exception() is None
+        and not isinstance(future.result(), Failed)
+    )
 
 
 def _take(
@@ -287,6 +302,8 @@ def _take(
                 raise
             lost.append(share)
             continue
+        if isinstance(found, Failed):
+            raise found.error
         take(found)
     return lost
 

@@ -31,11 +31,12 @@ class Failing(NamedTuple):
     """Work of which a share fails by itself."""
 
     at: int
+    error: Exception | None = None
 
     def prepare(self) -> Callable[[int], int]:
         return self.do
 
     def do(self, k: int) -> int:
         if k == self.at:
-            raise ArithmeticError(f"share {k}")
+            raise self.error or ArithmeticError(f"share {k}")
         return k

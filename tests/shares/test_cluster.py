@@ -7,6 +7,7 @@ import json
 import socket
 import tempfile
 from collections.abc import Iterator
+from concurrent.futures import CancelledError, Executor, ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from threading import Thread
@@ -20,7 +21,7 @@ import anaplot
 from anaplot.cli import main
 from anaplot.errors import InputError, NotComputableError
 from anaplot.planning.montecarlo import ChunkDone
-from anaplot.shares.cluster import Cluster
+from anaplot.shares.cluster import Cluster, _Cluster
 from anaplot.shares.work import SharesLostError, carry_out, versions_here
 
 # twenty shares
@@ -119,10 +120,66 @@ def test_the_share_of_a_lost_worker_is_done_again(tmp_path: Path) -> None:
             carry_out(deadly, range(6), 6, Cluster(address_of(there)), found.append)
 
 
+class Dask:
+    """A client whose workers are threads of this process."""
+
+    def __init__(self, executor: Executor) -> None:
+        self.executor = executor
+
+    def get_executor(self, **_: object) -> Executor:
+        return self.executor
+
+    def wait_for_workers(self, *_: object, **__: object) -> None: ...
+
+    def scatter(self, sent: Any, **_: object) -> Any:
+        return sent
+
+    def nthreads(self) -> dict[str, int]:
+        return {"a": 1}
+
+
+class Threads:
+    """A place of such workers."""
+
+    @contextmanager
+    def workers(self, sent: Any, shares: int) -> Iterator[_Cluster]:
+        with ThreadPoolExecutor(1) as executor:
+            yield _Cluster(Cluster("head:1"), Dask(executor), sent)
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        FileNotFoundError(2, "no such file", "given.npz"),
+        ModuleNotFoundError("No module named 'x'", name="x"),
+        CancelledError("by itself"),
+        NotComputableError("share 3"),
+    ],
+)
+def test_an_error_of_a_share_is_no_lost_worker(error: Exception) -> None:
+    found: list[int] = []
+    with pytest.raises(type(error)) as told:
+        carry_out(Failing(3, error), range(9), 9, Threads(), found.append)
+    assert told.value is error
+    assert {0, 1, 2} <= set(found)
+    assert len(set(found)) == len(found)
+
+
+def test_what_a_worker_lacks_is_named() -> None:
+    there = _Cluster(Cluster("head:1"), Dask(ThreadPoolExecutor(1)), None)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="has no anaplot of this kind"):
+        there.was_lost(ModuleNotFoundError("No module named 'anaplot.x'", name="anaplot.x"))
+    with pytest.raises(InputError, match="has not all that is needed"):
+        there.was_lost(ModuleNotFoundError("No module named 'mine'", name="mine"))
+
+
 @pytest.mark.slow
 def test_a_share_that_fails_by_itself_fails_as_here() -> None:
     found: list[int] = []
     with cluster(1) as there:
+        missing = Failing(3, FileNotFoundError(2, "no such file", "given.npz"))
+        with pytest.raises(FileNotFoundError, match="given"):
+            carry_out(missing, range(9), 9, Cluster(address_of(there)), found.append)
         with pytest.raises(ArithmeticError, match="share 3"):
             carry_out(Failing(3), range(9), 9, Cluster(address_of(there)), found.append)
         there.scale(0)

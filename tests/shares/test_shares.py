@@ -188,6 +188,7 @@ def test_addresses_are_those_of_a_scheduler_or_refused(text: str) -> None:
         ("dask://10.0.0.7:8786", "10.0.0.7:8786"),
         ("dask://head.cluster:08786", "head.cluster:8786"),
         ("dask://[::1]:8786", "[::1]:8786"),
+        ("dask://a_b-c.d.:1", "a_b-c.d.:1"),
     ],
 )
 def test_addresses(text: str, address: str | None) -> None:
@@ -197,7 +198,9 @@ def test_addresses(text: str, address: str | None) -> None:
 @pytest.mark.parametrize(
     "text",
     ["", "dask", "dask://", "dask://host", "dask://host:0", "dask://host:65536", "tcp://host:1",
-     "dask://me@host:1", "dask://host:1/x", "dask://ho st:1", "dask://host:1\n", "LOCAL"],
+     "dask://me@host:1", "dask://host:1/x", "dask://ho st:1", "dask://host:1\n", "LOCAL",
+     "dask://..:1", "dask://.:1", "dask://-:1", "dask://a..b:1", "dask://.a:1", "dask://a-:1",
+     f"dask://{'a' * 64}:1", f"dask://{'a.' * 127}:1"],
 )  # fmt: skip
 def test_what_is_no_address_is_refused_in_a_line(
     text: str, capsys: pytest.CaptureFixture[str]
