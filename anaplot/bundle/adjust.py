@@ -26,10 +26,14 @@ from anaplot.bundle.solve.structure import Structure, make_structure
 from anaplot.bundle.start.approximate import (
     approximate_ways,
     doubtful,
-    laid_onto_control,
-    restricted,
 )
-from anaplot.bundle.start.halfrays import settled_points, without_half_seen
+from anaplot.bundle.start.freenetwork import from_free_network
+from anaplot.bundle.start.halfrays import (
+    half_seen,
+    settled_points,
+    unchecked,
+    without_doubtful,
+)
 from anaplot.bundle.start.pull import minimum_nearby
 from anaplot.bundle.start.robust import (
     RobustState,
@@ -109,19 +113,36 @@ def points_settled(
         The bundle without them, and approximate values of it without additional parameters; the
         bundle itself and None where no half rays are in doubt, or photos hang on such points.
     """
-    firm = without_half_seen(problem)
-    if firm is None:
-        return problem, None
+    for in_doubt in (half_seen(problem), unchecked(problem)):
+        firm = without_doubtful(problem, in_doubt)
+        if firm is None:
+            continue
+        try:
+            with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+                found, robust, _ = _searched(firm.bare, progress, firm)
+                # gross errors bend photographs until planes meet that are the same
+                state = found.state if robust is None else robust
+                return _looked_at_again(problem, *settled_points(problem, firm, state))
+        except (NotComputableError, np.linalg.LinAlgError):
+            continue
+    return problem, None
+
+
+def _looked_at_again(
+    problem: Problem, kept: Problem, start: BlockState
+) -> tuple[Problem, BlockState]:
+    """Take in what turns out to be determined once the points in doubt carry the photos, too."""
+    if not kept.undetermined:
+        return kept, start
+    bare = kept.bare
     try:
-        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            found, robust, _ = _searched(firm.bare, progress, firm)
-            # gross errors bend photographs until planes meet that are the same
-            state = found.state if robust is None else robust
-    except NoConvergenceError as error:
-        state = error.state
+        found = find_minimum(bare, start, make_structure(bare, start.centres))
     except (NotComputableError, np.linalg.LinAlgError):
-        return problem, None
-    return settled_points(problem, firm, state)
+        return kept, start
+    if not _fits(bare, found):
+        return kept, start
+    more, there = settled_points(problem, kept, found.state)
+    return (more, there) if len(more.points) > len(kept.points) else (kept, found.state)
 
 
 def adjust_problem(
@@ -344,7 +365,7 @@ def _searched(
         if problem.datum == "control" and (
             solution is None or solution.control_off > 0 or not solution.explains(problem)
         ):
-            laid = _from_free_network(problem, start, progress)
+            laid = from_free_network(problem, start, progress)
             if laid is not None:
                 other = robust(laid, structure)
                 found = minimum(laid, structure)
@@ -438,26 +459,6 @@ def _led_there(problem: Problem, solution: RobustState, found: Minimum | None) -
     if found is None or not solution.explains(problem):
         return False
     return found.convergence.last <= objective(problem, solution.state)[0]
-
-
-def _from_free_network(
-    problem: Problem, start: BlockState, progress: Progress | None
-) -> BlockState | None:
-    """Approximate values by way of the free network, in which control has no influence.
-
-    What only control determines (a control point in one photo) is added after the network lies on
-    control. None when there is no such network.
-    """
-    try:
-        free = make_problem(replace(problem.block, conditions=()), datum="free")
-        bare = restricted(free, problem, start)
-        structure = make_structure(free, bare.centres)
-        check_datum(free, bare, linearise(free, bare))
-        bare = robust_state(free, structure, bare).state
-        found = find_minimum(free, bare, structure, progress=progress)
-        return laid_onto_control(problem, free, found.state)
-    except (NotComputableError, np.linalg.LinAlgError):
-        return None
 
 
 def adjust_bundle(

@@ -10,7 +10,7 @@ from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.gaussnewton import NoConvergenceError
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.start.approximate import extended_state
-from anaplot.bundle.start.halfrays import settled_points, without_half_seen
+from anaplot.bundle.start.halfrays import half_seen, settled_points, without_doubtful
 
 __all__ = ["adjust_onward"]
 
@@ -34,7 +34,7 @@ def adjust_onward(
     NotComputableError
         As `adjust_problem`.
     """
-    firm = without_half_seen(problem)
+    firm = without_doubtful(problem, half_seen(problem))
     extended = extended_state(firm or problem, last.problem, last.state)
     if extended is None:
         return adjust_problem(problem, progress=progress)

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bundleblocks import Scene, aerial
+from bundleblocks import Scene, aerial, make_scene
 
 from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.errors.controllast import clean_control_last
@@ -15,11 +15,12 @@ from anaplot.bundle.errors.grosserrors import block_gross_errors
 from anaplot.bundle.live import LiveBlock
 from anaplot.bundle.solve.additional import additional_parameters
 from anaplot.bundle.solve.adjusted import AdjustedBlock
-from anaplot.bundle.solve.problem import make_problem
+from anaplot.bundle.solve.problem import Datum, make_problem
 from anaplot.bundle.start.halfrays import half_seen
-from anaplot.photogrammetry.block import Block
+from anaplot.photogrammetry.block import Block, ControlPoint, Use
 
-REASON = "has rays of which x or y is off, and the rest does not determine it"
+REASON = "has rays of which x or y is off, and the rest does not meet before its photos"
+HALVES: tuple[Use, Use] = ("x", "y")
 CACHED: dict[str, Scene] = {}
 
 
@@ -163,3 +164,60 @@ def test_a_live_block_leaves_out_the_same() -> None:
     # measured again, they are there again
     again = live.update(scene().block)
     assert not left(again.adjusted)
+
+
+def convergent(seed: int, photos: int) -> Scene:
+    """Return photos on a ring about 30 points; control is weighted."""
+    rng = np.random.default_rng(seed)
+    taken = {}
+    for k in range(photos):
+        angle = 2 * np.pi * k / max(photos, 5) + 0.1 * rng.normal()
+        centre = np.array([10 * np.cos(angle), 10 * np.sin(angle), 1.0 + k % 2])
+        z = centre / np.linalg.norm(centre)
+        x = np.cross([0.0, 0.0, 1.0], z)
+        x /= np.linalg.norm(x)
+        taken[f"r{k}"] = centre, np.column_stack((x, np.cross(z, x), z))
+    points = {f"q{k}": rng.uniform(-3.0, 3.0, 3) for k in range(30)}
+    control = [
+        ControlPoint(f"q{k}", tuple(points[f"q{k}"].tolist()), (0.001,) * 3) for k in range(5)
+    ]
+    return make_scene(taken, points, c=30.0, control=control, noise_um=2.0, sigma_um=2.0, seed=seed)
+
+
+def certainty(scene: Scene, block: Block, name: str) -> float:
+    """Return the standard deviation of a point's rays over its distance, at its true place."""
+    normal, reach = np.zeros((3, 3)), 0.0
+    c = block.cameras[0].c
+    for row in block.image_points:
+        if row.point != name:
+            continue
+        turn = scene.rotations[row.photo].T
+        d = turn @ (scene.points[name] - scene.centres[row.photo])
+        reach = max(reach, float(np.linalg.norm(d)))
+        for axis in (0, 1):
+            if row.counts("xy"[axis]):
+                rate = -c / d[2] * (turn[axis] - d[axis] / d[2] * turn[2])
+                normal += np.outer(rate, rate)
+    weakest = max(float(np.linalg.eigvalsh(normal)[0]), 1e-30)
+    return 1e-3 * block.precision.image_um / weakest**0.5 / reach
+
+
+@pytest.mark.parametrize("datum", ["control", "minimal"])
+@pytest.mark.parametrize("seed", range(4, 9))
+def test_what_its_planes_determine_is_not_left_out(seed: int, datum: Datum) -> None:
+    # of most points one whole ray, and halves of the others
+    rng = np.random.default_rng(seed)
+    scene = convergent(seed, 3 + 3 * (seed % 2))
+    rows, seen = [], set()
+    names = sorted(scene.points)
+    whole = {names[k] for k in rng.choice(len(names), 4, replace=False)}
+    for row in scene.block.image_points:
+        use: Use = (
+            "xy" if row.point in whole | (scene.points.keys() - seen) else HALVES[rng.integers(2)]
+        )
+        seen.add(row.point)
+        rows.append(replace(row, use=use))
+    block = replace(scene.block, image_points=tuple(rows))
+    adjusted = adjust_block(block, datum=datum)
+    assert adjusted.sigma0 < 2.0
+    assert not [name for name in left(adjusted) if certainty(scene, block, name) < 0.01]

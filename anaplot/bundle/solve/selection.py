@@ -13,7 +13,7 @@ from anaplot.photogrammetry.block import Block
 __all__ = ["LeftOut", "left_out_sentences", "select_rays"]
 
 _MOST_LEFT_OUT = 20  # that are named
-_UNDETERMINED = "has rays of which x or y is off, and the rest does not determine it"
+_UNDETERMINED = "has rays of which x or y is off, and the rest does not meet before its photos"
 _MOST_ALIKE = 4  # points left out for the same reason that are named one by one
 
 

@@ -20,25 +20,22 @@ from anaplot.bundle.start.approximate import state_of
 from anaplot.bundle.start.subblock import SubBlock
 from anaplot.errors import NotComputableError
 
-__all__ = ["half_seen", "settled_points", "without_half_seen"]
+__all__ = ["half_seen", "settled_points", "unchecked", "without_doubtful"]
 
+_FEWEST = 3  # coordinates that determine a point
 _CERTAIN = 0.1  # of its distance: a larger standard deviation of a point is none
 
 
 def half_seen(problem: Problem) -> Bools:
-    """(points,) points with half rays and fewer than two whole ones, that nothing else holds."""
-    out = np.zeros(len(problem.points), dtype=bool)
+    """(points,) points that half rays may not determine, and that nothing else holds.
+
+    Those of which x, or y, counts in one photo at most.
+    """
+    out: Bools = np.zeros(len(problem.points), dtype=bool)
     if problem.rejected is None or problem.undetermined is not None:
         return out
-    pair, of_pair = np.unique(
-        problem.point * len(problem.photos) + problem.photo, return_inverse=True
-    )
-    counted = np.zeros((len(pair), 2), dtype=bool)
-    np.logical_or.at(counted, of_pair, ~problem.rejected)
-    point = pair // len(problem.photos)
-    whole = np.bincount(point[counted.all(axis=1)], minlength=len(out))
-    half = np.bincount(point[counted.any(axis=1) ^ counted.all(axis=1)], minlength=len(out))
-    out = (half > 0) & (whole < 2)
+    x, y = _photos_counting(problem)
+    out = (x != y) & (np.minimum(x, y) <= 1)
     out &= ~(problem.fixed | np.isfinite(problem.ground_sigma).any(axis=0)).any(axis=1)
     if problem.given is not None:
         out &= ~problem.given.points_given(len(out))
@@ -48,12 +45,32 @@ def half_seen(problem: Problem) -> Bools:
     return out
 
 
-def without_half_seen(problem: Problem) -> Problem | None:
-    """Return the bundle without points that half rays may not determine.
+def unchecked(problem: Problem) -> Bools:
+    """(points,) those among `half_seen` of which no more than three coordinates count."""
+    x, y = _photos_counting(problem)
+    few: Bools = x + y <= _FEWEST
+    return half_seen(problem) & few
+
+
+def _photos_counting(problem: Problem) -> tuple[Index, Index]:
+    """Return in how many photos (points,) x counts, and y."""
+    pair, of_pair = np.unique(
+        problem.point * len(problem.photos) + problem.photo, return_inverse=True
+    )
+    counted = np.ones((len(pair), 2), dtype=bool)
+    if problem.rejected is not None:
+        counted[:] = False
+        np.logical_or.at(counted, of_pair, ~problem.rejected)
+    point, n = pair // len(problem.photos), len(problem.points)
+    x, y = (np.bincount(point[counted[:, axis]], minlength=n) for axis in (0, 1))
+    return x, y
+
+
+def without_doubtful(problem: Problem, doubtful: Bools) -> Problem | None:
+    """Return the bundle without (points,) doubtful points.
 
     None where there are none, or where photos are not determined without them.
     """
-    doubtful = half_seen(problem)
     if not doubtful.any():
         return None
     names = frozenset(problem.points[k] for k in np.flatnonzero(doubtful).tolist())
@@ -74,9 +91,10 @@ def settled_points(
     problem
         The bundle.
     firm, state
-        The same `without_half_seen`, and its solution, with or without additional parameters.
+        The same `without_doubtful` points, and its solution, with or without additional parameters.
     """
-    doubtful = np.flatnonzero(half_seen(problem))
+    there = set(firm.points)
+    doubtful = np.flatnonzero([name not in there for name in problem.points])
     places, certain = _met_planes(problem, state, doubtful)
     names = [problem.points[k] for k in doubtful.tolist()]
     kept = without_points(problem, frozenset(np.array(names)[~certain].tolist()))
