@@ -190,7 +190,8 @@ def snoop_block(
                     bool(exact[ray, axis]),
                 )
             )
-        rows.sort(key=lambda row: -1.0 if row.w is None else abs(row.w), reverse=True)
+        # of two that are equal the first in the block, whatever rounding says
+        rows.sort(key=lambda row: -1.0 if row.w is None else round(abs(row.w), 6), reverse=True)
         return tuple(rows)
 
     return SnoopedBlock(

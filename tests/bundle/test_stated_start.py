@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bundleblocks import Scene
+from bundleblocks import Scene, aerial
 from startkinds import drone, measured, outside, ring, with_mismatches
 
 from anaplot.bundle import adjust
@@ -172,3 +172,20 @@ def test_the_search_tells_from_its_beginning_how_far_it_is() -> None:
         assert len(shares) > steps
         assert shares == sorted(shares)
         assert least < max(shares) <= 1.0
+
+
+@pytest.mark.parametrize("datum", ["control", "free", "minimal"])
+def test_of_one_straight_strip_nobody_is_accused_of_the_turn_about_it(datum: str) -> None:
+    scene = aerial(1, 5, per_base=2, noise_um=5.0, control_sigma=0.05, seed=2)
+    block = stated(scene, 10.0, 0.01)
+    assert not [one for one in adjust.adjust_block(block, datum=datum).warnings if "stated" in one]
+    # and one that is wrong is told
+    photos = list(block.photos)
+    photos[3] = replace(photos[3], rotation=(1.5, 0.0, 0.0))
+    told = adjust.adjust_block(replace(block, photos=tuple(photos)), datum=datum).warnings
+    assert [
+        one
+        for one in told
+        if one.startswith("stated orientations are grossly wrong: photo 104 by ")
+    ]
+    assert not [one for one in told if "photo 101" in one]

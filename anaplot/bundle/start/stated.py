@@ -11,11 +11,12 @@ from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.start.pull import MOST_TURNED, turned
 from anaplot.photogrammetry.rotation import rotation_matrix
-from anaplot.photogrammetry.similarity import robust_similarity
+from anaplot.photogrammetry.similarity import Similarity, robust_similarity
 
 __all__ = ["led_from_stated", "stated_remarks"]
 
 _NAMED = 5  # photos that are named at most
+_ASKED = 60  # photos whose stated rotations are compared with each other
 
 
 class _OffStated(NamedTuple):
@@ -62,12 +63,11 @@ def stated_remarks(problem: Problem, state: BlockState) -> list[str]:
     laid = state
     if problem.datum != "control":
         # the system is that of the stated orientations only where the search began from them
-        known = np.isfinite(problem.position).all(axis=1)
-        fitted = robust_similarity(centres[known], problem.position[known])
+        fitted = _laid_onto_stated(problem, state)
         if fitted is None:
             return []
-        centres = fitted[0].apply(centres)
-        laid = _turned_by(state, fitted[0].rotation, fitted[0].scale)
+        centres = fitted.apply(centres)
+        laid = _turned_by(state, fitted.rotation, fitted.scale)
     off = _off_stated(problem, centres, laid)
     position, rotation = off.wrong
     position &= ~np.isfinite(problem.position_sigma).any(axis=1)
@@ -82,6 +82,48 @@ def stated_remarks(problem: Problem, state: BlockState) -> list[str]:
         said.append(f"photo {problem.photos[k]} by {' and '.join(by)}")
     more = f" and {len(wrong) - _NAMED} more" if len(wrong) > _NAMED else ""
     return [f"stated orientations are grossly wrong: {', '.join(said)}{more}"]
+
+
+def _laid_onto_stated(problem: Problem, state: BlockState) -> Similarity | None:
+    """Return the similarity onto what is stated; None where that does not tell one.
+
+    Stated rotations tell the turn, if there are any: centres nearly on a line say nothing of the
+    turn about it.
+    """
+    there = np.isfinite(problem.stated_centres).all(axis=1)
+    source, target = (state.centres + state.origin)[there], problem.stated_centres[there]
+    turn = _common_turn(problem, state)
+    if turn is None:
+        fitted = robust_similarity(source, target)
+        return None if fitted is None else fitted[0]
+    if len(source) < 2:
+        return None
+    seen = source @ turn.T
+    middle, its = np.median(seen, axis=0), np.median(target, axis=0)
+    reach = np.linalg.norm(seen - middle, axis=1)
+    far = reach > 0.0
+    scale = float(np.median(np.linalg.norm(target - its, axis=1)[far] / reach[far]))
+    if not scale > 0.0:
+        return None
+    return Similarity(scale, turn, np.median(target - scale * seen, axis=0))
+
+
+def _common_turn(problem: Problem, state: BlockState) -> Array | None:
+    """Return the (3, 3) turn onto the stated rotations on which most agree; None without any."""
+    there = np.flatnonzero(np.isfinite(problem.rotation).all(axis=1))
+    if not len(there):
+        return None
+    some = there[np.linspace(0, len(there) - 1, min(len(there), _ASKED)).astype(np.intp)]
+    turns = np.array(
+        [
+            rotation_matrix(*problem.rotation[k].tolist()) @ state.rotations[k].T
+            for k in some.tolist()
+        ]
+    )
+    # the trace of one turn times another's inverse falls with the angle between them
+    alike = np.median(np.einsum("kij,lij->kl", turns, turns), axis=1)
+    chosen: Array = turns[int(np.argmax(alike))]
+    return chosen
 
 
 def _turned_by(state: BlockState, rotation: Array, scale: float) -> BlockState:
