@@ -373,7 +373,7 @@ def add_apply_arguments(adjust: argparse.ArgumentParser) -> None:
         "--apply-undo",
         action="store_true",
         help="first take back what --apply switched off; with --errors NAME only what NAME did, "
-        "with --thin what that did",
+        "with --thin what that did, and nothing is thinned out again",
     )
 
 

@@ -120,7 +120,8 @@ def _undone(options: argparse.Namespace, output: Output, before: tuple[ImagePoin
     count = sum(now != then for now, then in zip(rows, before, strict=True))
     said = f"{counted(count, 'image point is', 'image points are')} as before --apply"
     try:
-        found = computed(options, adjust)
+        # the page tells of the block as the file has it: nothing goes again
+        found = computed(argparse.Namespace(**{**vars(options), "thin": None}), adjust)
     except AnaplotError as error:
         error.args = (f"{error}; {said}: only the adjustment was not possible",)
         raise

@@ -38,6 +38,7 @@ from anaplot.report.document import (
 __all__ = ["named_points", "thinned", "thinned_rows", "thinning_document"]
 
 _MOST = 8  # names in a line
+_SHOWN = 5e-4  # of redundancy numbers
 _NOTHING = 1e-6  # sigma0 of measurements without errors: nothing is estimated
 _PLACES = (
     *("upper left", "upper middle", "upper right"),
@@ -204,7 +205,7 @@ def _more(pair: list[float]) -> float | None:
 def _lines(found: Thinning, answer: Answer) -> list[Line]:
     lines = [
         say(
-            "THINNING: mean redundancy number of every photo and region at least {:g}", found.least
+            "THINNING: mean redundancy number of every photo and region at least {}", found.least
         ).of("heading"),
         say(
             "  {rays_before} rays of {points_before} points before, redundancy "
@@ -218,7 +219,7 @@ def _lines(found: Thinning, answer: Answer) -> list[Line]:
             **answer,
         ),
     ]
-    if not found.gone:
+    if not found.gone and found.complete:
         lines.append(say("  no point can go"))
     lines.append(say("  mean standard deviations, a-priori sigma0 and the same datum:"))
     for what, words, unit, scale in (
@@ -253,11 +254,16 @@ def _weak_lines(found: Thinning) -> list[Line]:
     of = dict.fromkeys(found.before.problem.photos[found.parts.owner[k]] for k in weak.tolist())
     parts = [counted(len(photos), "photo")] * (len(photos) > 0)
     parts += [counted(regions, "region")] * (regions > 0)
+    one = len(weak) == 1
+    lost = float(np.max(found.means_before[weak] - found.means[weak]))
+    falls = f", but {'loses' if one else 'lose up to'} {lost:.3f} of it" if lost >= _SHOWN else ""
     return [
         say(
-            "  {} below {:g} before, and keep all points: in {}",
-            f"{' and '.join(parts)} {'was' if len(weak) == 1 else 'were'}",
+            "  {} below {} before, and {} all points{}: in {}",
+            f"{' and '.join(parts)} {'was' if one else 'were'}",
             found.least,
+            "keeps" if one else "keep",
+            falls,
             named(list(of), _MOST),
         )
         .of("remark")

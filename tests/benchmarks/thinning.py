@@ -5,7 +5,8 @@
 A side x side block, 60/60, with points at random places, is thinned to R; then as many rays go by
 chance (points of control stay, and five rays a photo). Standard deviations are for the a-priori
 sigma0, of the photos and of the points that are left, over those with all points; time is processor
-time in Cholesky factors of a 2000 x 2000 matrix, of the same run.
+time in Cholesky factors of a 2000 x 2000 matrix, of the same run. At last a block on a grid, with
+tilts and noise, where many parts come as near to R as they can: its rounds, and its time.
 """
 
 from __future__ import annotations
@@ -17,8 +18,10 @@ from dataclasses import replace
 import numpy as np
 
 sys.path.insert(0, "tests/benchmarks")
+sys.path.insert(0, "tests/bundle")
 
 from bundle_speed import BASE, HEIGHT, C, unit
+from bundleblocks import aerial
 
 from anaplot.bundle.adjust import adjust_block, adjust_problem
 from anaplot.bundle.solve.adjusted import AdjustedBlock
@@ -122,7 +125,23 @@ def main(side: int = 8, *limits: float) -> int:
             text = f"         {_text(theirs)}"
             good &= mine[0] < theirs[0] and mine[2] > theirs[2]
         print(f"{least:4.2f}  {100 * share:4.0f} %  {_text(mine)} | {text} | {spent:6.1f}")
+    tilted(side)
     return 0 if good else 1
+
+
+def tilted(side: int, least: float = 0.25) -> None:
+    """Print how often redundancy numbers of a tilted block of strips are computed anew."""
+    block = aerial(
+        side, side, per_base=3, seed=1, noise_um=5.0, tilt=0.05, control_sigma=0.05
+    ).block  # fmt: skip
+    before = adjust_block(block)
+    one, start = unit(), time.process_time()
+    found = thin_block(before, least)
+    spent = (time.process_time() - start) / one
+    print(
+        f"tilted: {len(found.gone)} of {len(before.problem.points)} points go at {least:g}, "
+        f"{found.rounds} rounds | {spent:6.1f}"
+    )
 
 
 def _text(values: list[float]) -> str:

@@ -12,11 +12,14 @@ from hypothesis import strategies as st
 from scipy.sparse.csgraph import connected_components
 
 from anaplot.adjustment.watch import Watch
+from anaplot.aliases import Bools
 from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.errors.grosserrors import block_gross_errors
 from anaplot.bundle.solve.additional import AdditionalParameters, ebner
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.gaussnewton import equations_at
+from anaplot.bundle.solve.imaging import BlockState
+from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.reliability import compute_cofactors
 from anaplot.bundle.solve.structure import make_structure
 from anaplot.bundle.thinning.accuracy import deviations
@@ -25,6 +28,7 @@ from anaplot.bundle.thinning.keeping import keeping
 from anaplot.bundle.thinning.losses import Losses
 from anaplot.bundle.thinning.thinned import Thinned, block_without, bundle_without, thinned_at
 from anaplot.bundle.thinning.thinning import Thinning, thin_block
+from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import Block
 from anaplot.photogrammetry.objectconditions import ObjectCondition
 
@@ -149,6 +153,65 @@ def test_nothing_is_below_the_limit_and_not_one_more_can_go(least: float, strips
     again = thin_block(thinning.block, least)
     assert again.gone == ()
     assert again.block is thinning.block
+
+
+@pytest.mark.slow
+def test_what_is_lost_far_away_is_foreseen() -> None:
+    # regions far from a point have next to nothing to spare: it goes or stays without being tried
+    block = aerial(3, 4, per_base=3, seed=1, noise_um=5.0, tilt=0.05, control_sigma=0.05).block
+    thinning = thin_block(adjust_block(block), 0.25)
+    check(thinning)
+    assert thinning.complete
+    assert thinning.rounds < 30
+    assert more_could_go(thinning) == []
+
+
+@pytest.mark.parametrize("shows", ["no solution", "a photo below the limit"])
+def test_a_point_that_only_the_adjustment_refuses_stays(
+    shows: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = adjust_block(dense())
+    first = thin_block(before, 0.3)
+    names, strong = first.gone, np.nanargmax(first.means_before[: first.parts.photos])
+    point, tried = before.problem.points.index(names[0]), []
+
+    def refusing(whole: Problem, state: BlockState, alive: Bools) -> Thinned:
+        found = thinned_at(whole, state, alive)
+        if alive[point]:
+            return found
+        tried.append(int((~alive).sum()))
+        if shows == "no solution":
+            raise NotComputableError("not without it")
+        return replace(found, r=np.where(whole.photo[:, None] == strong, 0.3, 1.0) * found.r)
+
+    monkeypatch.setattr("anaplot.bundle.thinning.thinning.thinned_at", refusing)
+    thinning = thin_block(before, 0.3)
+    assert thinning.complete
+    assert names[0] not in thinning.gone
+    assert len(thinning.gone) > len(names) // 2
+    assert tried
+    assert len(tried) < 30
+
+
+def test_further_rays_have_their_whole_loss() -> None:
+    bundle = adjust_block(dense(1, 2, 6))
+    problem, losses = bundle.problem, Losses(whole(bundle))
+    known_points = {row.point for row in problem.block.control}
+    size = np.bincount(problem.point)
+    k = next(
+        k for k, name in enumerate(problem.points) if size[k] == 2 and name not in known_points
+    )
+    every = np.delete(np.arange(len(problem.points)), k)
+    near, all_rays = next(losses.near(np.array([k]))), next(losses.near(np.array([k]), {k: every}))
+    assert len(near.rays) < len(all_rays.rays) == len(problem.photo) - 2
+    known = dict(zip(all_rays.rays.tolist(), all_rays.lost.tolist(), strict=True))
+    assert [known[ray] for ray in near.rays.tolist()] == pytest.approx(near.lost.tolist())
+    alive = np.ones(len(problem.points), dtype=bool)
+    alive[k] = False
+    r = thinned_at(problem, bundle.state, alive).r
+    lost = (bundle.cofactors.r - r).sum(axis=1)[all_rays.rays]
+    assert all_rays.lost == pytest.approx(lost, abs=1e-4)
+    assert lost[np.isin(all_rays.rays, near.rays, invert=True)].max() > 1e-5
 
 
 def test_a_higher_limit_keeps_more_rays() -> None:

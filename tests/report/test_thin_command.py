@@ -11,11 +11,16 @@ import pytest
 
 import anaplot
 from anaplot import cli
+from anaplot.adjustment.watch import Watch
+from anaplot.bundle.adjust import adjust_block
+from anaplot.bundle.thinning.thinning import thin_block
 from anaplot.errors import InputError
 from anaplot.exchange import blockfolder
 from anaplot.exchange.blockfolder import read_block, write_image_points, write_new_block
 from anaplot.photogrammetry.block import Block
 from anaplot.planning.blockplan import BlockPlan, plan_block
+from anaplot.report.astext import page_text
+from anaplot.report.thinning import thinning_document
 
 
 def planned() -> Block:
@@ -136,9 +141,34 @@ def test_the_page_says_what_goes_and_what_it_costs(
     assert "THINNING: mean redundancy number of every photo and region at least 0.3" in out
     assert "rays of" in out
     assert "points that are left" in out
-    assert "below 0.3 before, and keep all points" in out
-    assert cli.main(["adjust", str(folder), "--thin", "0.99"]) == 0
-    assert "  no point can go" in capsys.readouterr().out
+    found = run(capsys, folder, "--thin")["thinning"]
+    fall = max(one["redn_before"] - one["redn"] for one in found["weak"])  # type: ignore[index]
+    assert fall > 0.001
+    assert f"below 0.3 before, and keep all points, but lose up to {fall:.3f} of it" in out
+    assert cli.main(["adjust", str(folder), "--thin", "0.9999999"]) == 0
+    out = capsys.readouterr().out
+    assert "  no point can go" in out
+    assert "region at least 0.9999999" in out
+    assert "below 0.9999999 before, and keep all points: in" in out
+
+
+def test_a_search_that_was_stopped_at_once_says_only_that() -> None:
+    before = adjust_block(BLOCK)
+    watch = Watch()
+    watch.stop()
+    page = page_text(thinning_document(thin_block(before, 0.3, watch=watch)).page)
+    assert "ended early: more points could go" in page
+    assert "no point can go" not in page
+
+
+def test_what_is_taken_back_is_not_thinned_again(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run(capsys, folder, "--thin", "0.25", "--apply")
+    answer = run(capsys, folder, "--apply-undo", "--thin")
+    assert "thinning" not in answer
+    assert len(answer["points"]) == len({row.point for row in BLOCK.image_points})
+    assert read_block(folder).image_points == BLOCK.image_points
 
 
 @pytest.mark.parametrize("value", ["0", "1", "-0.3", "nan", "much", "1e400"])

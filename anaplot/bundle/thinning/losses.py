@@ -4,14 +4,15 @@ A point with c coordinates takes c - 3 redundancies with it. Its own rays have t
 redundancy numbers; the rest, L = c - 3 - sum r, is what the other rays lose: what the point tells
 of orientations. Exactly, ray i loses R_ip R_pp^-1 R_pi of R = Q_vv P, on the combinations of the
 point's coordinates that do not place the point itself. What is lost far away is next to nothing:
-looked at are the rays of all points in the photos that see this one, so that the loss of a part of
-these photos is never overstated, and hardly understated.
+looked at are the rays of all points in the photos that see this one, which have the whole loss of
+these photos, and further ones where it matters.
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -24,6 +25,7 @@ __all__ = ["Loss", "Losses"]
 
 _Unknowns = tuple[Array, Array, Array]
 _COLUMNS = 256  # right-hand sides at a time
+_NOBODY: Index = np.zeros(0, dtype=np.intp)
 _OPEN = 1e-7  # smallest redundancy of a combination of rays that the others still control
 
 
@@ -127,8 +129,13 @@ class Losses:
                 yield self._loss(sides, one, there, s[one], known)
                 known[photos] = False
 
-    def near(self, points: Index) -> Iterator[Loss]:
-        """Yield what the rays of all points lose that are seen in one photo with this one."""
+    def near(
+        self, points: Index, further: Mapping[int, Index] = MappingProxyType({})
+    ) -> Iterator[Loss]:
+        """Yield what the rays of all points lose that are seen in one photo with this one.
+
+        And, for some of the points, those of further points wherever they are.
+        """
         known = np.ones(len(self.problem.photos), dtype=bool)
         n, d = len(known), self.linear.a.shape[2]
         for _, mine in self._pieces(points):
@@ -148,7 +155,7 @@ class Losses:
                 x = x.reshape(n, d, some, wide)
                 for one in range(some):
                     own = s[:, one * wide : (one + 1) * wide]
-                    yield self._loss(sides, one, x[:, :, one], own, known)
+                    yield self._loss(sides, one, x[:, :, one], own, known, further)
 
     def _pieces(self, points: Index) -> Iterator[tuple[Piece, Index]]:
         """Yield points of the whole bundle as those of the thinner one, piece by piece."""
@@ -176,7 +183,10 @@ class Losses:
             np.add.at(shared, (np.arange(count)[:, None, None], columns), by_shared)
         return _Sides(points, rays, white, photos, shared)
 
-    def _loss(self, sides: _Sides, one: int, x: Array, s: Array, known: Bools) -> Loss:
+    def _loss(
+        self, sides: _Sides, one: int, x: Array, s: Array, known: Bools,
+        further: Mapping[int, Index] = MappingProxyType({}),
+    ) -> Loss:  # fmt: skip
         """Return a loss, by (photos, d, w) and (g, w) solutions that are known of some photos."""
         problem, thinned = self.problem, self.thinned
         own, point = sides.rays[one], int(sides.points[one])
@@ -186,7 +196,9 @@ class Losses:
             (change.gain, change.inner @ self._along(change.gain, photos, sides, one))
             for change in self.changes
         ]
-        others = np.unique(np.concatenate([self._of_photo[k] for k in set(photos.tolist())]))
+        beside = self._number[further.get(int(thinned.points[point]), _NOBODY)]
+        near = (self._of_photo[k] for k in set(photos.tolist()))
+        others = np.unique(np.concatenate((beside, *near)))
         others = others[others != point]
         rays, starts = self._rays(others)
         if not known.all():

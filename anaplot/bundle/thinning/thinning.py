@@ -8,7 +8,7 @@ by what every part would lose exactly, until not one more can.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -37,6 +37,8 @@ _EQUAL = 7  # decimals in which points tell the same: their order in the file de
 _SHARE = 0.25  # of a photo's rays that go in one round, at most
 _FEW = 0.01  # of the points: rounds with fewer are left to the exact end
 _SAME = 1e-6  # of v'Pv: minima that are the same
+
+_Less = tuple[Index, Array]  # parts, and how much less each is above R
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,8 +157,11 @@ class _Search:
             before.cofactors, before.state, rays, np.arange(len(problem.points)),
             before.cofactors.r,
         )  # fmt: skip
+        self._known: tuple[Thinned, Losses, dict[int, _Less]] | None = None
         self.rounds = 0
         self._out: dict[int, tuple[int, float]] = {}  # the part that keeps a point, its loss
+        self._refused: dict[int, tuple[int, float]] = {}  # the same, of adjustments without it
+        self._broke: tuple[int, float] | None = None  # the part that fell most below R, its slack
         self.means_before = self.means
         with np.errstate(invalid="ignore"):
             self.weak: Bools = self.means_before < least - _ROUNDING
@@ -195,23 +200,34 @@ class _Search:
             untried[batch] = False
             if len(self._without(batch)) == 0:
                 break
-        barred, anew = self.keeping.firm.copy(), True
+        anew = True
         while not self.watch.stopped:
-            batch = self._certain(barred)
+            batch = self._certain()
             if len(batch) == 0:
                 if anew:
                     return True
                 self._out, anew = {}, True
                 continue
             anew = False
-            if len(self._without(batch)) == 0 and len(self._without(batch[:1])) == 0:
-                # linearised it could go, adjusted it cannot: by less than anybody reads
-                barred[batch[0]] = True
+            while len(self._without(batch)) == 0 and not self.watch.stopped:
+                if len(batch) == 1:
+                    self._refuse(int(batch[0]))
+                    break
+                batch = batch[: len(batch) // 2]
         return False
+
+    def _refuse(self, point: int) -> None:
+        """Keep a point that linearised could go, and adjusted could not, with what it showed."""
+        self._refused[point] = 0, np.inf
+        if self._broke is not None:
+            part, then = self._broke
+            rounding = _ROUNDING * float((self.parts.sums @ self._counted)[part])
+            self._refused[point] = part, float(self.slack[part]) - then + rounding
 
     def _without(self, batch: Index) -> Index:
         """Leave points out; those come back that took too much. Return which are out."""
         for whole_photos in (False, True, True):
+            self._broke = None
             alive = self.alive.copy()
             alive[batch] = False
             self.rounds += 1
@@ -222,18 +238,30 @@ class _Search:
                 break
             last = self.now, self.alive
             self.now, self.alive = now, alive
-            broken = self._broken(self.slack)
+            slack = self.slack
+            broken = self._broken(slack)
             if not broken.any():
                 self._move(now)
                 return batch
             self.now, self.alive = last
-            if whole_photos:
+            worst = int(np.argmin(np.where(broken, slack, np.inf)))
+            self._broke = worst, float(slack[worst])
+            left = batch if whole_photos else self._unseen(batch, broken)
+            if len(left) == len(batch):
                 broken[self.parts.owner[broken]] = True
-            back = broken[self.problem.photo] | broken[self.parts.region]
-            batch = batch[~self._any_ray(back)[batch]]
-            if len(batch) == 0:
+                left = self._unseen(batch, broken)
+            if len(left) in (0, len(batch)):  # all see what broke, or none: it came from far away
                 break
+            batch = left
         return batch[:0]
+
+    def _unseen(self, points: Index, parts: Bools) -> Index:
+        """Return those of the points that have no ray in some parts."""
+        return points[~self._seeing(parts)[points]]
+
+    def _seeing(self, parts: Bools) -> Bools:
+        """Return (p,) which points have a ray in some parts."""
+        return self._any_ray(parts[self.problem.photo] | parts[self.parts.region])
 
     def _move(self, now: Thinned) -> None:
         """Take the state of the whole bundle along to what is adjusted."""
@@ -254,12 +282,17 @@ class _Search:
 
     def _order(self, points: Index) -> tuple[Index, Array]:
         """Return points, those first that tell least for each ray, and what each tells."""
-        size = np.bincount(self.problem.point, minlength=len(self.alive))
-        known = np.bincount(self.problem.point, self.counted, len(self.alive))
-        own = np.bincount(self.problem.point, self.now.r.sum(axis=1), len(self.alive))
-        tells = np.maximum(known - 3.0 - own, 0.0)
+        size, tells = np.bincount(self.problem.point, minlength=len(self.alive)), self._tells
         order = np.lexsort((self._in_file[points], np.round(tells / size, _EQUAL)[points]))
         return points[order], tells
+
+    @property
+    def _tells(self) -> Array:
+        """(p,) what each point tells of the orientations: what all other rays would lose."""
+        known = np.bincount(self.problem.point, self.counted, len(self.alive))
+        own = np.bincount(self.problem.point, self.now.r.sum(axis=1), len(self.alive))
+        out: Array = np.maximum(known - 3.0 - own, 0.0)
+        return out
 
     @cached_property
     def _in_file(self) -> Index:
@@ -309,16 +342,18 @@ class _Search:
             gone.append(k)
         return np.array(gone, dtype=np.intp)
 
-    def _certain(self, barred: Bools) -> Index:
-        """Return points that can go together by what the parts of their photos would lose.
+    def _certain(self) -> Index:
+        """Return points that can go together by what parts of photos would lose.
 
         What goes may give others room: a ray with less than R leaves its part with more to spare.
         """
         slack, left = self.slack, self.keeping.sets @ self.alive
         spare = self._spare(np.arange(len(self.problem.photo)))
         limit = -_ROUNDING * (self.parts.sums @ self._counted)
-        may_go, losses = ~barred & self.alive, Losses(self.now)
-        known: dict[int, tuple[Index, Array]] = {}
+        may_go = ~self.keeping.firm & self.alive
+        if self._known is None or self._known[0] is not self.now:
+            self._known = self.now, Losses(self.now), {}
+        _, losses, known = self._known
         gone: list[int] = []
         while True:
             # what other rays lose comes on top: without it most are out already
@@ -330,16 +365,14 @@ class _Search:
             free = free[[not self._still_out(k, slack, limit) for k in free.tolist()]]
             new = free[[k not in known for k in free.tolist()]]
             for bounds in (losses.at_least, losses.near):
-                fitting: dict[int, tuple[Index, Array]] = {}
-                for loss in bounds(new):
-                    parts, less = self._less(loss, spare)
-                    out = ~self.weak[parts] & (slack[parts] - less < limit[parts])
-                    if out.any():
-                        worst = int(np.argmin(np.where(out, slack[parts] - less, np.inf)))
-                        self._out[loss.point] = int(parts[worst]), float(less[worst])
-                    else:
-                        fitting[loss.point] = parts, less
+                fitting = self._fitting(bounds(new), slack, spare, limit)
                 new = np.array(sorted(fitting), dtype=np.intp)
+            far = self._far_away(fitting, slack - limit, spare)
+            if far:
+                for k in far:
+                    del fitting[k]
+                doubtful = np.array(sorted(far), dtype=np.intp)
+                fitting |= self._fitting(losses.near(doubtful, far), slack, spare, limit)
             known |= fitting
             fits = free[[k in known for k in free.tolist()]]
             more = self._together(self._order(fits)[0], slack, left, known, limit)
@@ -348,11 +381,46 @@ class _Search:
             gone += more
             may_go[more] = False
 
-    def _still_out(self, point: int, slack: Array, limit: Array) -> bool:
-        part, less = self._out.get(point, (0, -np.inf))
-        return bool(slack[part] - less < limit[part])
+    def _fitting(
+        self, losses: Iterator[Loss], slack: Array, spare: Array, limit: Array
+    ) -> dict[int, _Less]:
+        """Return the points whose losses leave every part above R; of the others note the part."""
+        fitting: dict[int, _Less] = {}
+        for loss in losses:
+            parts, less = self._less(loss, spare)
+            out = ~self.weak[parts] & (slack[parts] - less < limit[parts])
+            if out.any():
+                worst = int(np.argmin(np.where(out, slack[parts] - less, np.inf)))
+                self._out[loss.point] = int(parts[worst]), float(less[worst])
+            else:
+                fitting[loss.point] = parts, less
+        return fitting
 
-    def _less(self, loss: Loss, spare: Array) -> tuple[Index, Array]:
+    def _far_away(self, fitting: dict[int, _Less], room: Array, spare: Array) -> dict[int, Index]:
+        """Return of points those in parts that have less room than what may yet be lost in them.
+
+        All rays together lose what a point tells: what is not in its own photos is lost far away.
+        """
+        tells = self._tells
+        out: dict[int, Index] = {}
+        for k, (parts, less) in fitting.items():
+            mine = slice(self.first[k], self.first[k + 1])
+            rest = tells[k] + spare[mine].sum() - less[parts < self.parts.photos].sum()
+            after = room.copy()
+            after[parts] -= less
+            for photo in self.problem.photo[mine].tolist():
+                after[self.parts.of_photo[photo]] = np.inf
+            far = np.flatnonzero((after < rest) & ~self.weak)
+            if len(far):
+                seen = np.unique(self.keeping.sets[far].indices).astype(np.intp)
+                out[k] = seen[self.alive[seen]]
+        return out
+
+    def _still_out(self, point: int, slack: Array, limit: Array) -> bool:
+        known = [kept[point] for kept in (self._out, self._refused) if point in kept]
+        return any(slack[part] - less < limit[part] for part, less in known)
+
+    def _less(self, loss: Loss, spare: Array) -> _Less:
         """Return parts, and how much less they are above R without a point."""
         mine = np.arange(self.first[loss.point], self.first[loss.point + 1])
         rays = np.concatenate((mine, loss.rays))
@@ -363,7 +431,7 @@ class _Search:
         return np.asarray(parts), np.asarray(less, dtype=float)
 
     def _together(
-        self, order: Index, slack: Array, left: Array, known: dict[int, tuple[Index, Array]],
+        self, order: Index, slack: Array, left: Array, known: dict[int, _Less],
         limit: Array,
     ) -> list[int]:  # fmt: skip
         """Return points that may go together: what each takes is taken from the others' room."""
