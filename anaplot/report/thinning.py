@@ -256,7 +256,7 @@ def _weak_lines(found: Thinning) -> list[Line]:
     parts += [counted(regions, "region")] * (regions > 0)
     one = len(weak) == 1
     lost = float(np.max(found.means_before[weak] - found.means[weak]))
-    falls = f", but {'loses' if one else 'lose up to'} {lost:.3f} of it" if lost >= _SHOWN else ""
+    falls = f", but {'loses' if one else 'lose up to'} {lost:.3f}" if lost >= _SHOWN else ""
     return [
         say(
             "  {} below {} before, and {} all points{}: in {}",
