@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from numpy.linalg import LinAlgError
+
 from anaplot.aliases import Progress
 from anaplot.errors import AnaplotError, InputError
 from anaplot.exchange.answersfile import AnswersFile, KeptAnswer
@@ -60,13 +62,16 @@ def each(
     progress: Progress | None = None,
     **options: Any,
 ) -> tuple[OneOfMany, ...]:
-    """Compute the same of many blocks; one that fails does not end the others.
+    """Compute the same of many blocks; one that cannot be computed does not end the others.
+
+    That is one with an `AnaplotError`, too little memory, or equations without a solution. What
+    else `compute` raises is a fault of it, and ends the call.
 
     Parameters
     ----------
     compute
         `adjust`, `bridge`, `find_gross_errors`, or a function of a module that takes a block and
-        returns a `Computed`.
+        returns a `Computed`; or a `functools.partial` of one.
     blocks
         Folders, or what `read_block` returned; folders are read here, and blocks sent.
     on, processes, executor
@@ -98,7 +103,7 @@ def each(
     except ValueError as error:
         raise InputError(f"--on: {plain(on, 60)!r}: {error}") from None
     place = place_of(on, processes, executor)
-    given = list(blocks)
+    given = _several(blocks)
     names = [one.name if isinstance(one, Block) else os.fspath(one) for one in given]
     found: dict[int, OneOfMany] = {}
     with contextlib.ExitStack() as stack:
@@ -131,6 +136,17 @@ def each(
     return tuple(found[number] for number in range(len(given)))
 
 
+def _several(blocks: Iterable[BlockOrFolder]) -> list[BlockOrFolder]:
+    if isinstance(blocks, str | bytes | os.PathLike | Block):
+        raise InputError("blocks: one block, not several: put it into a list")
+    given: list[Any] = list(blocks)
+    for number, one in enumerate(given, 1):
+        if not isinstance(one, Block | str | os.PathLike):
+            kind = plain(type(one).__name__, 60)
+            raise InputError(f"blocks: number {number} is a {kind}, no block and no folder")
+    return given
+
+
 class _Share(NamedTuple):
     number: int
     block: Block | str  # or why there is none
@@ -160,9 +176,13 @@ class _Each:
             return _Done(share.number, None, None, False, share.block)
         try:
             found = self.compute(share.block, **self.options)
+            return _Done(share.number, share.digest, found.to_dict(), found.flagged, None)
         except AnaplotError as error:
             return _Done(share.number, None, None, False, str(error))
-        return _Done(share.number, share.digest, found.to_dict(), found.flagged, None)
+        except MemoryError:
+            return _Done(share.number, None, None, False, "this needs more memory than there is")
+        except LinAlgError as error:
+            return _Done(share.number, None, None, False, f"no solution: {plain(str(error), 200)}")
 
 
 def _read(number: int, one: BlockOrFolder, *, digest: bool) -> _Share:

@@ -11,10 +11,11 @@ from anaplot.shares.address import cluster_address
 from anaplot.shares.cluster import Cluster
 from anaplot.shares.local import GivenExecutor, LocalProcesses
 from anaplot.shares.work import Place, SharesLostError
-from anaplot.textfiles.wording import place
+from anaplot.textfiles.wording import place, plain
 
 __all__ = ["place_of", "said_how_to_go_on"]
 
+_MOST = 256  # processes
 _AT_A_TIME = 32  # shares that an executor is given of which nobody says what it can do
 
 
@@ -35,6 +36,9 @@ def place_of(on: str, processes: int | None, executor: Executor | None) -> Place
     InputError
         What does not go together.
     """
+    if processes is not None and (type(processes) is not int or not 1 <= processes <= _MOST):
+        said = plain(repr(processes), 60)
+        raise InputError(f"--processes: {said} is no whole number from 1 to {_MOST}")
     address = cluster_address(on)
     if executor is not None:
         if address is not None:

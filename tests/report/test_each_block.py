@@ -113,6 +113,47 @@ def test_what_is_in_files_and_objects_is_asked_too(
     assert kept.read_bytes() == before
 
 
+def odd(block: anaplot.Block, *, errors: dict[str, Exception]) -> object:
+    if block.name in errors:
+        raise errors[block.name]
+    return anaplot.adjust(block)
+
+
+def test_what_a_block_cannot_help_is_its_own_error(blocks: list[anaplot.Block]) -> None:
+    errors = {"b0": MemoryError(), "b2": np.linalg.LinAlgError("Singular matrix")}
+    found = anaplot.each(odd, blocks[:3], processes=1, errors=errors)  # type: ignore[arg-type]
+    assert [one.error for one in found] == [
+        "this needs more memory than there is", None, "no solution: Singular matrix"
+    ]  # fmt: skip
+    with pytest.raises(ArithmeticError, match="a fault"):
+        anaplot.each(odd, blocks, processes=1, errors={"b1": ArithmeticError("a fault")})  # type: ignore[arg-type]
+
+
+def test_functions_in_part_are_kept_by_what_they_are_given(
+    tmp_path: Path, blocks: list[anaplot.Block]
+) -> None:
+    kept = tmp_path / "kept.jsonl"
+    call = partial(anaplot.each, blocks=blocks[:1], processes=1, to=kept)
+    found = call(partial(anaplot.adjust, hypothesis_alpha=0.01))
+    assert found == call(partial(anaplot.adjust, hypothesis_alpha=0.01))
+    with pytest.raises(InputError, match="belongs to another computation: content"):
+        call(partial(anaplot.adjust, hypothesis_alpha=0.02))
+
+
+@pytest.mark.parametrize("processes", [-1, 0, 257, True, 1.0, "2"])
+def test_processes_are_a_number_of_them(processes: object) -> None:
+    with pytest.raises(InputError, match=r"--processes: .* is no whole number from 1 to 256"):
+        anaplot.each(anaplot.adjust, [], processes=processes)  # type: ignore[arg-type]
+
+
+def test_one_block_is_not_several(blocks: list[anaplot.Block]) -> None:
+    for one in ("dense", Path("dense"), blocks[0], b"dense"):
+        with pytest.raises(InputError, match="blocks: one block, not several"):
+            anaplot.each(anaplot.adjust, one, processes=1)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="blocks: number 2 is a int, no block and no folder"):
+        anaplot.each(anaplot.adjust, [blocks[0], 3], processes=1)  # type: ignore[list-item]
+
+
 def test_digests_tell_apart_what_differs() -> None:
     name = (coordinate_name("point:1:X"),)
     rows = np.arange(3000.0)
