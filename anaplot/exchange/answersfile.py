@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from anaplot.errors import InputError
 from anaplot.exchange.keptlines import KeptLines
 from anaplot.textfiles.kinds import AnyTable, Flag, Keys, Text, WrongValueError
-from anaplot.textfiles.wording import plain
+from anaplot.textfiles.wording import plain, quoted
 
 __all__ = ["ANSWERS_FORMAT", "AnswersFile", "KeptAnswer"]
 
@@ -33,21 +33,21 @@ class AnswersFile(KeptLines[KeptAnswer]):
     """A file of answers, open for more; see `KeptLines`."""
 
     what = "computation"
-    longest = 64 * 1024 * 1024
-    largest = 1024 * 1024 * 1024
+    longest = 256 * 1024 * 1024
+    largest = 4 * 1024 * 1024 * 1024
 
     def __init__(self, path: Path, what: dict[str, Any]) -> None:
         super().__init__(path, {"format": ANSWERS_FORMAT, **what})
 
-    def keep(self, one: KeptAnswer) -> None:
-        """Write an answer; it is on disk when this returns.
+    def keep(self, one: KeptAnswer, block: str) -> None:
+        """Write an answer; it is on disk when this returns. `block`: what messages call it.
 
         Raises
         ------
         InputError
-            It could not be written.
+            It could not be written, or is too large.
         """
-        self._write(one._asdict())
+        self._write(one._asdict(), f"the answer of {quoted(block)}")
 
     def _row(self, value: dict[str, Any], where: str) -> KeptAnswer:
         try:

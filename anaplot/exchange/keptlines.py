@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import json
 import os
+from itertools import count
 from pathlib import Path
 from typing import Any, ClassVar, Generic, Self, TypeVar
 
 from anaplot.errors import InputError
-from anaplot.textfiles.inputfile import read_bytes
+from anaplot.exchange.lockfile import lock_open
+from anaplot.textfiles.inputfile import open_input
 from anaplot.textfiles.wording import place, plain, reason
 
 __all__ = ["KeptLines"]
@@ -33,7 +35,8 @@ class KeptLines(Generic[Row]):
     Raises
     ------
     InputError
-        The file cannot be read or written, is damaged, or belongs to other work.
+        The file cannot be read or written, is damaged, belongs to other work, or is written by
+        somebody else just now.
 
     Attributes
     ----------
@@ -53,24 +56,18 @@ class KeptLines(Generic[Row]):
     def __init__(self, path: Path, head: dict[str, Any]) -> None:
         self._path = path
         self.rows: tuple[Row, ...] = ()
-        length = 0
         try:
             if path.exists():
-                data = read_bytes(path, self.largest)
-                length = data.rfind(b"\n") + 1
-                if length == 0 and not _line(head).startswith(data):
-                    raise InputError(
-                        f"{place(path, 1)}: not a {self.what}'s file, and not overwritten; "
-                        "name another file"
-                    )
-                self.rows = self._read(data[:length], head)
+                open_input(path, self.largest).close()  # never waits for what is no file
             self._file = path.open("ab")
         except OSError as error:
             raise InputError(f"{place(path)}: {reason(error)}") from None
         try:
-            self._file.truncate(length)  # what a crash left of a line that was not finished
-            if length == 0:
-                self._write(head)
+            self._lock()  # before it is read: what another one writes would be cut
+            self._length = self._read(head)
+            self._file.truncate(self._length)  # what a crash left of a line that was not finished
+            if self._length == 0:
+                self._write(head, "what is asked")
         except BaseException:
             self._file.close()
             raise
@@ -85,25 +82,65 @@ class KeptLines(Generic[Row]):
         """Return what a line says; raises InputError that begins with `where`."""
         raise NotImplementedError
 
-    def _write(self, value: dict[str, Any]) -> None:
-        """Write a line; it is on disk when this returns."""
+    def _lock(self) -> None:
         try:
-            self._file.write(_line(value))
+            lock_open(self._file.fileno())
+        except BlockingIOError:
+            raise InputError(
+                f"{place(self._path)}: another anaplot writes into it; name another file"
+            ) from None
+        except OSError as error:
+            raise InputError(f"{place(self._path)}: cannot be locked: {reason(error)}") from None
+
+    def _write(self, value: dict[str, Any], called: str) -> None:
+        """Write a line; it is on disk when this returns.
+
+        Nothing is written that would be refused when it is read; `called`: what it says, for that.
+        """
+        line = _line(value)
+        if len(line) > self.longest:
+            raise InputError(
+                f"{place(self._path)}: {called} has {len(line)} bytes, a line has at most "
+                f"{self.longest}: it cannot be kept"
+            )
+        if self._length + len(line) > self.largest:
+            raise InputError(
+                f"{place(self._path)}: is full before {called}, at most {self.largest} bytes; "
+                "name another file for less"
+            )
+        try:
+            self._file.write(line)
             self._file.flush()
             os.fsync(self._file.fileno())
         except OSError as error:
             raise InputError(f"{place(self._path)}: {reason(error)}") from None
+        self._length += len(line)
 
-    def _read(self, data: bytes, head: dict[str, Any]) -> tuple[Row, ...]:
-        rows = []
-        for number, line in enumerate(data.splitlines(keepends=True), 1):
-            where = place(self._path, number)
-            value = self._parsed(line, where)
-            if number == 1:
-                self._same(value, head, where)
-            else:
-                rows.append(self._row(value, where))
-        return tuple(rows)
+    def _read(self, head: dict[str, Any]) -> int:
+        """Read the rows, line by line; return the length of all lines that are whole."""
+        rows: list[Row] = []
+        length = 0
+        with open_input(self._path, self.largest) as file:
+            for number in count(1):
+                line = file.readline(self.longest + 1)
+                where = place(self._path, number)
+                if len(line) <= self.longest and not line.endswith(b"\n"):
+                    if number == 1 and not _line(head).startswith(line):
+                        raise InputError(self._another(where))
+                    break
+                if number == 1 and len(line) > self.longest:
+                    raise InputError(self._another(where))
+                value = self._parsed(line, where)
+                if number == 1:
+                    self._same(value, head, where)
+                else:
+                    rows.append(self._row(value, where))
+                length += len(line)
+        self.rows = tuple(rows)
+        return length
+
+    def _another(self, where: str) -> str:
+        return f"{where}: not a {self.what}'s file, and not overwritten; name another file"
 
     def _parsed(self, line: bytes, where: str) -> dict[str, Any]:
         if len(line) > self.longest:

@@ -20,10 +20,29 @@ if sys.platform == "win32":
 else:
     import fcntl
 
-__all__ = ["FolderLock", "sessions_kept_out"]
+__all__ = ["FolderLock", "lock_open", "sessions_kept_out"]
 
 _FAR = 1 << 30  # Windows locks bytes, also against reading: one that the file does not have
 _TRIES = 5
+
+
+if sys.platform == "win32":
+
+    def lock_open(descriptor: int) -> None:
+        """Lock a file until it is closed; raises BlockingIOError where somebody else has it."""
+        os.lseek(descriptor, _FAR, os.SEEK_SET)
+        try:
+            msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
+        except OSError as error:
+            raise BlockingIOError(*error.args) from error
+        finally:
+            os.lseek(descriptor, 0, os.SEEK_SET)
+
+else:
+
+    def lock_open(descriptor: int) -> None:
+        """Lock a file until it is closed; raises BlockingIOError where somebody else has it."""
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 class FolderLock:
@@ -128,17 +147,9 @@ class FolderLock:
         host = "" if match[2] is None else f" on {plain(match[2].decode('utf-8', 'replace'), 120)}"
         return f"process {process}{host}"
 
-    if sys.platform == "win32":
+    _take = staticmethod(lock_open)
 
-        @staticmethod
-        def _take(descriptor: int) -> None:
-            os.lseek(descriptor, _FAR, os.SEEK_SET)
-            try:
-                msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
-            except OSError as error:
-                raise BlockingIOError(*error.args) from error
-            finally:
-                os.lseek(descriptor, 0, os.SEEK_SET)
+    if sys.platform == "win32":
 
         @staticmethod
         def _give_back(descriptor: int) -> None:
@@ -146,10 +157,6 @@ class FolderLock:
             msvcrt.locking(descriptor, msvcrt.LK_UNLCK, 1)
 
     else:
-
-        @staticmethod
-        def _take(descriptor: int) -> None:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
         @staticmethod
         def _give_back(descriptor: int) -> None:

@@ -92,7 +92,8 @@ class RunsFile(KeptLines[KeptChunk]):
             It could not be written.
         """
         self._write(
-            {"chunk": chunk.number, "runs": chunk.runs, "sums": [list(s) for s in chunk.sums]}
+            {"chunk": chunk.number, "runs": chunk.runs, "sums": [list(s) for s in chunk.sums]},
+            f"chunk {chunk.number}",
         )
 
     def _row(self, value: dict[str, Any], where: str) -> KeptChunk:

@@ -125,7 +125,7 @@ def each(
             name = names[done.number]
             found[done.number] = OneOfMany(name, done.answer, done.flagged, done.error)
             if store and file is not None and done.digest is not None and done.answer is not None:
-                file.keep(KeptAnswer(done.digest, done.flagged, done.answer))
+                file.keep(KeptAnswer(done.digest, done.flagged, done.answer), name)
             if progress is not None:
                 progress("blocks", len(found) / len(given))
 

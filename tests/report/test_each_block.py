@@ -14,6 +14,7 @@ import pytest
 import anaplot
 from anaplot.cli import main
 from anaplot.errors import InputError
+from anaplot.exchange.answersfile import AnswersFile
 from anaplot.photogrammetry.posterior import Posterior, coordinate_name
 from anaplot.report.sameasked import digest_of
 from anaplot.shares.cluster import Cluster
@@ -138,6 +139,45 @@ def test_functions_in_part_are_kept_by_what_they_are_given(
     assert found == call(partial(anaplot.adjust, hypothesis_alpha=0.01))
     with pytest.raises(InputError, match="belongs to another computation: content"):
         call(partial(anaplot.adjust, hypothesis_alpha=0.02))
+
+
+def test_what_could_not_be_read_is_not_written(
+    tmp_path: Path, blocks: list[anaplot.Block], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kept = tmp_path / "kept.jsonl"
+    call = partial(anaplot.each, anaplot.adjust, processes=1, to=kept)
+    first = call(blocks[:1])
+    before = kept.read_bytes()
+    monkeypatch.setattr(AnswersFile, "longest", 1000)
+    kept.unlink()
+    with pytest.raises(
+        InputError, match=r"the answer of 'b0' has [0-9]+ bytes, a line has at most"
+    ):
+        call(blocks[:1])
+    assert kept.read_bytes() == before.splitlines(keepends=True)[0]
+    monkeypatch.undo()
+    monkeypatch.setattr(AnswersFile, "largest", len(before))
+    assert call(blocks[:1]) == first
+    with pytest.raises(InputError, match="is full before the answer of 'b1', at most"):
+        call(blocks[1:2])
+    assert kept.read_bytes() == before
+    assert call(blocks[:1]) == first
+
+
+def test_one_at_a_time_writes_into_a_file(tmp_path: Path, blocks: list[anaplot.Block]) -> None:
+    kept = tmp_path / "kept.jsonl"
+    call = partial(anaplot.each, anaplot.adjust, processes=1, to=kept)
+    told: list[str] = []
+
+    def again(_: str, fraction: float) -> None:
+        with pytest.raises(InputError, match="another anaplot writes into it") as error:
+            call(blocks[2:])
+        told.append(str(error.value))
+
+    found = call(blocks[:2], progress=again)
+    assert len(told) == 2
+    assert call(blocks[:2]) == found
+    assert kept.read_bytes().count(b"\n") == 3
 
 
 @pytest.mark.parametrize("processes", [-1, 0, 257, True, 1.0, "2"])
