@@ -68,8 +68,10 @@ from anaplot.adjustment.stepwise import (
 from anaplot.adjustment.tested import Odds, critical_value, error_odds, sigma0_known
 from anaplot.adjustment.watch import Watch
 from anaplot.aliases import Array, Bools, Index, TestKind
+from anaplot.errors import NotComputableError
 
 __all__ = [
+    "MOST_IN_COLUMNS",
     "MOST_ROWS_OF_PAIRS",
     "STRATEGIES",
     "deciding_critical",
@@ -84,6 +86,11 @@ __all__ = [
 
 STRATEGIES = ("baarda", "tau", "rms", "modified", "huber", "danish", "l1", "search", "odds")
 """Names of all strategies."""
+
+MOST_IN_COLUMNS = 500_000_000
+"""Rows rejected at once times rows: columns of 4 GB, of which eight or so are held at a time."""
+
+_EQUAL = 1e-10  # share of v'Pv of all rows: sums that differ by less are equal
 
 
 def sigma_of(strategy: str) -> TestKind:
@@ -145,6 +152,8 @@ def find_gross_errors(
         No such strategy; "modified" without model values; too many rows for odds over pairs.
     NotSeparableError
         The other rows do not check one that is left out.
+    NotComputableError
+        "l1", "huber" or "danish" would reject more at once than memory holds (`MOST_IN_COLUMNS`).
     """
     if strategy not in STRATEGIES:
         raise ValueError(f"no strategy {strategy!r}; there are {', '.join(STRATEGIES)}")
@@ -371,7 +380,9 @@ def _by_odds(task: _Task) -> tuple[_End, _Weighed]:
         # least absolute residuals give way to an error in a row that has a lever on many others
         _End(*task.stepwise(rule_of("baarda", task.alpha))),
     ]
-    best = min(ends, key=lambda end: end.state.vtpv + cost * len(end.state.rows))
+    # mostly both are the same rows, and their sums differ by rounding: the first then
+    first, other = (end.state.vtpv + cost * len(end.state.rows) for end in ends)
+    best = ends[1] if other < first - _EQUAL * (1.0 + system.vtpv) else ends[0]
     state, steps = best.state, best.steps
     # what is weak by itself, and went with its whole measurement, is no choice between single rows
     weak = [k for k, one in zip(state.rows, state.estimates()[1], strict=True) if one**-2 < WEAK]
@@ -444,7 +455,9 @@ def _reject_beyond(task: _Task, state: Elimination, size: Array) -> list[SearchS
     critical, suspects = task.critical, task.suspects
     size = np.where(suspects, size, 0.0)
     order = np.argsort(-size, kind="stable")
-    state.system.columns(order[size[order] > critical][: task.most])  # all of them at once
+    beyond = order[size[order] > critical][: task.most]
+    _check_memory(len(beyond), len(size))
+    state.system.columns(beyond)  # all of them at once
     for first in order.tolist():
         if size[first] <= critical or len(state.rows) >= task.most:
             break
@@ -462,6 +475,15 @@ def _reject_beyond(task: _Task, state: Elimination, size: Array) -> list[SearchS
             SearchStep("reject", rejected, float(size[first]), critical, before, state.vtpv)
         )
     return steps
+
+
+def _check_memory(rejected: int, n: int) -> None:
+    if rejected * n > MOST_IN_COLUMNS:
+        raise NotComputableError(
+            f"{rejected} of {n} observations are to be rejected at once, whose columns take about "
+            f"{8 * 8e-9 * rejected * n:.0f} GB of memory; baarda and search clean large blocks "
+            "place by place"
+        )
 
 
 def _findings(end: _End, strategy: str, settings: SearchSettings, rows: Index) -> Findings:

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
+from anaplot.adjustment import strategies
 from anaplot.adjustment.elimination import Elimination, NotSeparableError
 from anaplot.adjustment.findings import SearchSettings
 from anaplot.adjustment.leastsquares import adjust
@@ -19,6 +20,7 @@ from anaplot.adjustment.significance import critical_normal, critical_tau
 from anaplot.adjustment.stepwise import rule_of, step_by_step, stepwise
 from anaplot.adjustment.strategies import STRATEGIES, find_gross_errors, pair_odds, sigma_of
 from anaplot.adjustment.watch import Watch
+from anaplot.errors import NotComputableError
 
 
 def system_of(design: np.ndarray, misclosures: np.ndarray) -> DenseResiduals:
@@ -454,3 +456,28 @@ def test_refusals() -> None:
         find_gross_errors(system, "guess")
     with pytest.raises(ValueError, match="alpha"):
         SearchSettings(alpha=0.7)
+
+
+def test_odds_begin_with_the_first_of_equal_ends_whatever_the_rounding() -> None:
+    same = 0
+    for seed in range(12):
+        system = random_system(seed, n=60, errors={3: 900.0, 20: -700.0, 41: 800.0, 50: -850.0})[2]
+        first, other = (find_gross_errors(system, name) for name in ("l1", "baarda"))
+        if set(first.rows) != set(other.rows):
+            continue
+        same += [step.rows for step in first.steps] != [step.rows for step in other.steps]
+        steps = find_gross_errors(system, "odds").steps
+        assert steps[: len(first.steps)] == first.steps
+    assert same > 3
+
+
+@pytest.mark.parametrize("strategy", ["l1", "huber", "danish"])
+def test_columns_that_memory_does_not_hold_are_refused_before(strategy: str, monkeypatch) -> None:
+    system = random_system(1, errors={3: 90.0, 20: -70.0})[2]
+    held = find_gross_errors(system, strategy).rows
+    assert set(held) == {3, 20}
+    monkeypatch.setattr(strategies, "MOST_IN_COLUMNS", 2 * 40)
+    assert find_gross_errors(system, strategy).rows == held
+    monkeypatch.setattr(strategies, "MOST_IN_COLUMNS", 2 * 40 - 1)
+    with pytest.raises(NotComputableError, match=r"2 of 40 observations .* memory; baarda"):
+        find_gross_errors(system, strategy)
