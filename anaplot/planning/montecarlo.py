@@ -279,7 +279,8 @@ def simulate(
             if number not in known
         )
         left = len(sizes) - len(known)
-        carry_out(_Runs(scenario), tasks, left, place or LocalProcesses(1), take)
+        where = place or LocalProcesses(1)
+        carry_out(_Runs(scenario), tasks, left, where, take, lambda task: f"chunk {task.number}")
     return tally
 
 

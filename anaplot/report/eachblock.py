@@ -23,7 +23,7 @@ from anaplot.report.sameasked import digest_of, name_of
 from anaplot.report.workplace import place_of, said_how_to_go_on
 from anaplot.shares.address import LOCAL, cluster_address
 from anaplot.shares.work import SharesLostError, carry_out
-from anaplot.textfiles.wording import plain
+from anaplot.textfiles.wording import plain, quoted
 from anaplot.version import JSON_VERSION, __version__
 
 __all__ = ["OneOfMany", "each"]
@@ -129,8 +129,11 @@ def each(
             if progress is not None:
                 progress("blocks", len(found) / len(given))
 
+        def called(share: _Share) -> str:
+            return f"block {quoted(names[share.number])}"
+
         try:
-            carry_out(_Each(compute, options), shares(), len(given), place, take)
+            carry_out(_Each(compute, options), shares(), len(given), place, take, called)
         except SharesLostError as error:
             raise said_how_to_go_on(error, to) from error
     return tuple(found[number] for number in range(len(given)))

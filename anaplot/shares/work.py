@@ -177,7 +177,12 @@ def versions_here() -> dict[str, str]:
 
 
 def carry_out(
-    work: Work[S, D], shares: Iterable[S], number: int, place: Place, take: Callable[[D], None]
+    work: Work[S, D],
+    shares: Iterable[S],
+    number: int,
+    place: Place,
+    take: Callable[[D], None],
+    called: Callable[[S], str] | None = None,
 ) -> None:
     """Have shares done.
 
@@ -194,6 +199,8 @@ def carry_out(
     take
         Given what is done, in any order. An interrupt ends the work at once, after what is finished
         was given.
+    called
+        What messages call a share; None: by its number among these.
 
     Raises
     ------
@@ -221,7 +228,7 @@ def carry_out(
                 if lost:
                     if there.lost_together:
                         lost += _take(wait(running).done, running, there, take)
-                    _count(lost, losses)
+                    _count(lost, losses, called)
                     there.renew()
                     again.extend(lost)
         except (KeyboardInterrupt, SystemExit):
@@ -308,10 +315,11 @@ def _take(
     return lost
 
 
-def _count(lost: Iterable[tuple[int, Any]], losses: Counter[int]) -> None:
-    for number, _ in lost:
+def _count(
+    lost: Iterable[tuple[int, S]], losses: Counter[int], called: Callable[[S], str] | None
+) -> None:
+    for number, share in lost:
         losses[number] += 1
         if losses[number] > REPEATS:
-            raise SharesLostError(
-                f"share {number + 1} lost its worker {losses[number]} times (out of memory?)"
-            )
+            name = f"share {number + 1}" if called is None else called(share)
+            raise SharesLostError(f"{name} lost its worker {losses[number]} times (out of memory?)")

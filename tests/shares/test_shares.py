@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 import random
+from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
 from pathlib import Path
@@ -23,7 +24,7 @@ from anaplot.planning.montecarlo import ChunkDone, simulate
 from anaplot.shares import work as shares_work
 from anaplot.shares.address import cluster_address
 from anaplot.shares.local import GivenExecutor, LocalProcesses
-from anaplot.shares.work import REPEATS, Sent, SharesLostError, carry_out
+from anaplot.shares.work import REPEATS, Sent, SharesLostError, _count, carry_out
 
 SMALL = OneError("small", "6/3", chunk=20, runs=210)
 
@@ -238,3 +239,9 @@ def test_without_the_extra_it_is_named(
     monkeypatch.setitem(__import__("sys").modules, "distributed", None)
     assert main(["plan", "simulate", "6/3", "--on", "dask://127.0.0.1:1"]) == 2
     assert "needs dask.distributed: pip install 'anaplot[cluster]'" in capsys.readouterr().err
+
+
+def test_a_share_that_is_lost_too_often_is_named() -> None:
+    losses = Counter({4: REPEATS})
+    with pytest.raises(SharesLostError, match=rf"^block b9 lost its worker {REPEATS + 1} times"):
+        _count([(4, 9)], losses, lambda share: f"block b{share}")
