@@ -14,12 +14,13 @@ places, |R_ij| <= h_i h_j (`Place.lever`), so that a row j of w_j puts into the 
     at most  g_i g_j |w_j|,    g = h / sqrt(r).
 
 Rows of a place that touches (that shares a photo, or has what carries far: control, priors) and
-whose largest w is larger than the one to be decided are still to come out: three tenths of the root
-of the sum of their squares are what they leave in doubt (measured, R_ij is less than a tenth of its
-bound in the mean). A row goes where it exceeds its limit by more than that, and the others of its
-place by twice as much; where the doubt is less than a tenth of a sigma it counts for nothing. What
-is left waits for the next sweep; the largest of all never waits, and what went too early comes
-back. Of rows that are hard to tell apart another one may go than one by one.
+whose largest w is larger than the one to be decided are still to come out: the sum of their bounds
+is what they leave in doubt, since what is off alike in one photo adds up (R_ij is less than a tenth
+of its bound in the mean, but a share of it, or the root of the squares, let too much of a photo go
+at once of which half is off). A row goes where it exceeds its limit by more than that, and the
+others of its place by twice as much; where the doubt is less than a tenth of a sigma it counts for
+nothing. What is left waits for the next sweep; the largest of all never waits, and what went too
+early comes back. Of rows that are hard to tell apart another one may go than one by one.
 
 A sweep need not adjust anew to see what is left: the misclosures follow exactly from the adjustment
 with all rows (`WithoutRows.drafted`), only the redundancy numbers leave out what places do to each
@@ -31,7 +32,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
-from math import sqrt
 from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
@@ -61,7 +61,6 @@ __all__ = [
 MOST_SWEEPS = 60
 """Sweeps after which what was found so far is kept."""
 
-_SHARE = 0.3  # of the bound: in blocks the root mean square of what is there is less than .1
 _NEGLIGIBLE = 0.1  # sigmas of doubt that count for nothing
 
 
@@ -366,13 +365,13 @@ class _Doubts:
 
     def __init__(self, top: Array, reach: Array, touching: csr_array) -> None:
         self._top, self._reach, self._touching = top, reach, touching
-        self._square = (reach * top) ** 2
+        self._carried = reach * top
 
     def of(self, k: int, size: float) -> float:
         """Return the doubt of a w in place k of this size, by those that are larger."""
         others = self._touching.indices[self._touching.indptr[k] : self._touching.indptr[k + 1]]
         larger = others[self._top[others] > size]
-        return _SHARE * float(self._reach[k] * sqrt(self._square[larger].sum()))
+        return float(self._reach[k] * self._carried[larger].sum())
 
 
 def _begun(place: Place, out: frozenset[int]) -> Elimination:
