@@ -125,6 +125,8 @@ def _of_tree(sees: csr_array) -> _Sets:
     common.setdiag(0.0)
     common.eliminate_zeros()
     common.data = 1.0 / common.data  # the most in common: the shortest way
+    # the indices that every SciPy's graphs take
+    common.indices, common.indptr = (a.astype(np.int32) for a in (common.indices, common.indptr))
     tree = minimum_spanning_tree(common).tocoo()
     ties = csr_array(sees[tree.row].multiply(sees[tree.col]))
     return ties, np.full(len(tree.row), _OF_MODEL)
