@@ -272,6 +272,11 @@ class Problem:
         return np.concatenate((self.position_sigma, self.rotation_sigma), axis=1)
 
     @property
+    def stated_rotations(self) -> Array:
+        """(photos, 3, 3) how photos are stated to be turned, image to ground; NaN without."""
+        return np.array([rotation_matrix(*angles) for angles in self.rotation.tolist()])
+
+    @property
     def stated_centres(self) -> Array:
         """(photos, 3) where projection centres are stated to be [m]; NaN without.
 
@@ -279,8 +284,7 @@ class Problem:
         """
         if self.lever_arm is None:
             return self.position
-        turned = np.array([rotation_matrix(*angles) for angles in self.rotation.tolist()])
-        arms = np.einsum("nij,nj->ni", turned, self.lever_arm)
+        arms = np.einsum("nij,nj->ni", self.stated_rotations, self.lever_arm)
         out: Array = self.position - np.nan_to_num(arms)
         return out
 

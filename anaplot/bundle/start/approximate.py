@@ -23,7 +23,6 @@ from anaplot.bundle.start.relative import orient_pair
 from anaplot.bundle.start.subblock import SubBlock, intersect_rays, rays_of_photos, unit_rays
 from anaplot.bundle.start.vertical import vertical_subblock
 from anaplot.errors import NotComputableError
-from anaplot.photogrammetry.rotation import rotation_matrix
 
 __all__ = [
     "SEARCHES",
@@ -263,10 +262,9 @@ def _given(problem: Problem, rays: Array, reach: float = _BELIEVED) -> SubBlock 
     stated = np.isfinite(problem.position[:, 0]) & np.isfinite(problem.rotation[:, 0])
     if not stated.any():
         return None
-    subblock, centres = SubBlock.empty(problem), problem.stated_centres
-    for k in np.nonzero(stated)[0].tolist():
-        subblock.centres[k] = centres[k]
-        subblock.rotations[k] = rotation_matrix(*problem.rotation[k].tolist())
+    subblock = SubBlock.empty(problem)
+    subblock.centres[stated] = problem.stated_centres[stated]
+    subblock.rotations[stated] = problem.stated_rotations[stated]
     known = np.isfinite(problem.near).all(axis=1)
     subblock.points[known] = problem.near[known]
     subblock.place(problem, rays)

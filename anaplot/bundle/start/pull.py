@@ -17,7 +17,7 @@ from anaplot.bundle.solve.linearised import linearise, move
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.structure import Structure
 
-__all__ = ["MOST_TURNED", "full_step", "minimum_nearby", "turned"]
+__all__ = ["MOST_TURNED", "full_step", "minimum_nearby", "turn_cosines", "turned"]
 
 
 MOST_TURNED = 0.35
@@ -30,13 +30,19 @@ def turned(problem: Problem, one: BlockState, other: BlockState) -> float:
 
     What moves or scales a block as a whole turns nothing.
     """
-    relative = np.einsum("nji,njk->nik", one.rotations, other.rotations)
-    cosine = (np.trace(relative, axis1=1, axis2=2) - 1.0) / 2.0
+    cosine = turn_cosines(one.rotations, other.rotations)
     first, second = (_directions(problem, state) for state in (one, other))
     cosine = np.concatenate((cosine, np.einsum("ni,ni->n", first, second)))
     if not bool(np.isfinite(cosine).all()):
         return float("inf")
     return float(np.arccos(np.clip(cosine, -1.0, 1.0)).max())
+
+
+def turn_cosines(one: Array, other: Array) -> Array:
+    """Return (n,) cosines of the angles between (n, 3, 3) rotations."""
+    relative = np.einsum("nji,njk->nik", one, other)
+    cosine: Array = (np.trace(relative, axis1=1, axis2=2) - 1.0) / 2.0
+    return cosine
 
 
 def _directions(problem: Problem, state: BlockState) -> Array:

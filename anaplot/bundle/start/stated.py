@@ -9,8 +9,8 @@ import numpy as np
 from anaplot.aliases import Array, Bools
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.problem import Problem
-from anaplot.bundle.start.pull import MOST_TURNED, turned
-from anaplot.photogrammetry.rotation import rotation_matrix
+from anaplot.bundle.start.pull import MOST_TURNED, turn_cosines, turned
+from anaplot.bundle.start.subblock import SubBlock
 from anaplot.photogrammetry.similarity import Similarity, robust_similarity
 
 __all__ = ["led_from_stated", "stated_remarks"]
@@ -43,7 +43,7 @@ def led_from_stated(problem: Problem, start: BlockState, found: BlockState) -> b
         Approximate values, and the minimum to which they lead.
     """
     for state in (start, found):
-        off = _off_stated(problem, state.centres + state.origin, state)
+        off = _off_stated(problem, _in_ground(state))
         if np.isnan(off.position).any() or np.isnan(off.rotation).any():
             return False
         if any(wrong.any() for wrong in off.wrong):
@@ -59,16 +59,14 @@ def stated_remarks(problem: Problem, state: BlockState) -> list[str]:
     problem, state
         The bundle, and its minimum.
     """
-    centres = state.centres + state.origin
-    laid = state
+    laid = _in_ground(state)
     if problem.datum != "control":
         # the system is that of the stated orientations only where the search began from them
-        fitted = _laid_onto_stated(problem, state)
+        fitted = _laid_onto_stated(problem, laid)
         if fitted is None:
             return []
-        centres = fitted.apply(centres)
-        laid = _turned_by(state, fitted.rotation, fitted.scale)
-    off = _off_stated(problem, centres, laid)
+        laid.transform(fitted)
+    off = _off_stated(problem, laid)
     position, rotation = off.wrong
     position &= ~np.isfinite(problem.position_sigma).any(axis=1)
     rotation &= ~np.isfinite(problem.rotation_sigma).any(axis=1)
@@ -84,15 +82,19 @@ def stated_remarks(problem: Problem, state: BlockState) -> list[str]:
     return [f"stated orientations are grossly wrong: {', '.join(said)}{more}"]
 
 
-def _laid_onto_stated(problem: Problem, state: BlockState) -> Similarity | None:
+def _in_ground(state: BlockState) -> SubBlock:
+    return SubBlock(state.centres + state.origin, state.rotations, state.points + state.origin)
+
+
+def _laid_onto_stated(problem: Problem, found: SubBlock) -> Similarity | None:
     """Return the similarity onto what is stated; None where that does not tell one.
 
     Stated rotations tell the turn, if there are any: centres nearly on a line say nothing of the
     turn about it.
     """
     there = np.isfinite(problem.stated_centres).all(axis=1)
-    source, target = (state.centres + state.origin)[there], problem.stated_centres[there]
-    turn = _common_turn(problem, state)
+    source, target = found.centres[there], problem.stated_centres[there]
+    turn = _common_turn(problem, found)
     if turn is None:
         fitted = robust_similarity(source, target)
         return None if fitted is None else fitted[0]
@@ -108,45 +110,28 @@ def _laid_onto_stated(problem: Problem, state: BlockState) -> Similarity | None:
     return Similarity(scale, turn, np.median(target - scale * seen, axis=0))
 
 
-def _common_turn(problem: Problem, state: BlockState) -> Array | None:
+def _common_turn(problem: Problem, found: SubBlock) -> Array | None:
     """Return the (3, 3) turn onto the stated rotations on which most agree; None without any."""
-    there = np.flatnonzero(np.isfinite(problem.rotation).all(axis=1))
+    stated = problem.stated_rotations
+    there = np.flatnonzero(np.isfinite(stated[:, 0, 0]))
     if not len(there):
         return None
     some = there[np.linspace(0, len(there) - 1, min(len(there), _ASKED)).astype(np.intp)]
-    turns = np.array(
-        [
-            rotation_matrix(*problem.rotation[k].tolist()) @ state.rotations[k].T
-            for k in some.tolist()
-        ]
-    )
+    turns = stated[some] @ found.rotations[some].transpose(0, 2, 1)
     # the trace of one turn times another's inverse falls with the angle between them
     alike = np.median(np.einsum("kij,lij->kl", turns, turns), axis=1)
     chosen: Array = turns[int(np.argmax(alike))]
     return chosen
 
 
-def _turned_by(state: BlockState, rotation: Array, scale: float) -> BlockState:
-    """Return a state whose rotations and distances are those of another system."""
-    return BlockState(
-        scale * state.centres @ rotation.T,
-        rotation @ state.rotations,
-        scale * state.points @ rotation.T,
-        state.own,
-        state.shared,
-        state.origin,
+def _off_stated(problem: Problem, found: SubBlock) -> _OffStated:
+    """Compare what is stated with photos and points in its system."""
+    position = np.linalg.norm(found.centres - problem.stated_centres, axis=1)
+    rotation = np.arccos(
+        np.clip(turn_cosines(problem.stated_rotations, found.rotations), -1.0, 1.0)
     )
-
-
-def _off_stated(problem: Problem, centres: Array, state: BlockState) -> _OffStated:
-    """Compare (photos, 3) centres in the ground system, and the rotations of a state."""
-    position = np.linalg.norm(centres - problem.stated_centres, axis=1)
-    rotation = np.full(len(centres), np.nan)
-    for k in np.flatnonzero(np.isfinite(problem.rotation).all(axis=1)).tolist():
-        between = rotation_matrix(*problem.rotation[k].tolist()).T @ state.rotations[k]
-        rotation[k] = np.arccos(np.clip((np.trace(between) - 1.0) / 2.0, -1.0, 1.0))
-    away = np.linalg.norm(state.points[problem.point] - state.centres[problem.photo], axis=1)
+    away = np.linalg.norm(found.points[problem.point] - found.centres[problem.photo], axis=1)
     order = np.lexsort((away, problem.photo))
-    ends = np.searchsorted(problem.photo[order], np.arange(len(centres) + 1))
+    ends = np.searchsorted(problem.photo[order], np.arange(len(found.centres) + 1))
     reach = away[order][(ends[:-1] + ends[1:] - 1) // 2]
     return _OffStated(position, rotation, reach)
