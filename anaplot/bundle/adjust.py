@@ -113,7 +113,8 @@ def points_settled(
         The bundle without them, and approximate values of it without additional parameters; the
         bundle itself and None where no half rays are in doubt, or photos hang on such points.
     """
-    for in_doubt in (half_seen(problem), unchecked(problem)):
+    every, few = half_seen(problem), unchecked(problem)
+    for in_doubt in (every,) if bool((every == few).all()) else (every, few):
         firm = without_doubtful(problem, in_doubt)
         if firm is None:
             continue
@@ -125,7 +126,8 @@ def points_settled(
                 return _looked_at_again(problem, *settled_points(problem, firm, state))
         except (NotComputableError, np.linalg.LinAlgError):
             continue
-    return problem, None
+    # they are not looked for again
+    return (replace(problem, undetermined=frozenset()) if every.any() else problem), None
 
 
 def _looked_at_again(

@@ -10,7 +10,7 @@ import numpy as np
 from anaplot.aliases import Bools, Index
 from anaplot.photogrammetry.block import Block
 
-__all__ = ["LeftOut", "left_out_sentences", "select_rays"]
+__all__ = ["LeftOut", "counted_in_photos", "left_out_sentences", "select_rays"]
 
 _MOST_LEFT_OUT = 20  # that are named
 _UNDETERMINED = "has rays of which x or y is off, and the rest does not meet before its photos"
@@ -61,10 +61,7 @@ def select_rays(
     undetermined
         Points that are left out because what counts of their rays does not determine them.
     """
-    pair, pair_of = np.unique(photo * len(names) + point, return_inverse=True)
-    pair_photo, pair_point = pair // len(names), pair % len(names)
-    seen_axes = np.zeros((len(pair), 2), dtype=bool)
-    np.logical_or.at(seen_axes, pair_of, counted)
+    pair_photo, pair_point, seen_axes, pair_of = counted_in_photos(photo, point, counted)
     coordinates = seen_axes.sum(axis=1)
     alive = coordinates > 0
     gone_points = np.array([name in undetermined for name in names], dtype=bool)
@@ -96,6 +93,28 @@ def select_rays(
         alive &= ~gone_photos[pair_photo]
         if not few.any():
             return alive[pair_of] & counted.any(axis=1), left
+
+
+def counted_in_photos(
+    photo: Index, point: Index, counted: Bools
+) -> tuple[Index, Index, Bools, Index]:
+    """Return (p,) photo and (p,) point of all pairs that have a ray, and what counts of them.
+
+    Parameters
+    ----------
+    photo, point, counted
+        As `select_rays` has them: a point may be measured several times in a photo.
+
+    Returns
+    -------
+    (p,), (p,), (p, 2) and (m,) arrays
+        Photos, points, whether x and y count in any ray of the pair, and the pair of each ray.
+    """
+    points = int(point.max(initial=0)) + 1
+    pair, pair_of = np.unique(photo * points + point, return_inverse=True)
+    axes = np.zeros((len(pair), 2), dtype=bool)
+    np.logical_or.at(axes, pair_of, counted)
+    return pair // points, pair % points, axes, pair_of
 
 
 def left_out_sentences(left_out: Iterable[LeftOut]) -> list[str]:

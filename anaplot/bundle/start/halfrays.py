@@ -16,6 +16,7 @@ from anaplot.aliases import Array, Bools, Index
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.remade import without_points
+from anaplot.bundle.solve.selection import counted_in_photos
 from anaplot.bundle.start.approximate import state_of
 from anaplot.bundle.start.subblock import SubBlock
 from anaplot.errors import NotComputableError
@@ -54,15 +55,11 @@ def unchecked(problem: Problem) -> Bools:
 
 def _photos_counting(problem: Problem) -> tuple[Index, Index]:
     """Return in how many photos (points,) x counts, and y."""
-    pair, of_pair = np.unique(
-        problem.point * len(problem.photos) + problem.photo, return_inverse=True
-    )
-    counted = np.ones((len(pair), 2), dtype=bool)
+    counted = np.ones((len(problem.photo), 2), dtype=bool)
     if problem.rejected is not None:
-        counted[:] = False
-        np.logical_or.at(counted, of_pair, ~problem.rejected)
-    point, n = pair // len(problem.photos), len(problem.points)
-    x, y = (np.bincount(point[counted[:, axis]], minlength=n) for axis in (0, 1))
+        counted = ~problem.rejected
+    _, point, axes, _ = counted_in_photos(problem.photo, problem.point, counted)
+    x, y = (np.bincount(point[axes[:, k]], minlength=len(problem.points)) for k in (0, 1))
     return x, y
 
 
