@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from functools import partial
@@ -21,7 +21,6 @@ from anaplot.textfiles.wording import place, plain, reason
 __all__ = ["digest_of", "name_of"]
 
 _LARGEST = 4 * 1024**3  # bytes of a file that an option names
-_PART = 1 << 20
 
 
 def digest_of(what: str, asked: Any, *, names_files: bool = False) -> str:
@@ -129,12 +128,8 @@ def _kind(one: object) -> str:
 
 
 def _file(path: Path) -> bytes:
-    digest = hashlib.sha256()
     try:
         with open_input(path, _LARGEST) as file:
-            parts: Iterable[bytes] = iter(lambda: file.read(_PART), b"")
-            for part in parts:
-                digest.update(part)
+            return hashlib.file_digest(file, "sha256").digest()
     except OSError as error:
         raise InputError(f"{place(path)}: cannot be read: {reason(error)}") from None
-    return digest.digest()

@@ -10,7 +10,6 @@ import io
 import os
 import stat
 from pathlib import Path
-from typing import BinaryIO
 
 from anaplot.errors import InputError
 from anaplot.textfiles.wording import place, reason
@@ -21,7 +20,7 @@ __all__ = ["decoded", "not_utf8", "open_input", "read_bytes", "read_text"]
 _FLAGS: int = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
 
 
-def open_input(path: Path, max_bytes: int) -> BinaryIO:
+def open_input(path: Path, max_bytes: int) -> io.BufferedReader:
     """Open a regular file for reading.
 
     Parameters

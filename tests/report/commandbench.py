@@ -1,14 +1,25 @@
-"""A command that computes, run on options as keywords."""
+"""A command that computes, run on options as keywords or on words, and a block for it."""
 
 from __future__ import annotations
 
 import io
+import json
 from argparse import Namespace
 from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from anaplot.exchange.blockfolder import block_files
+import pytest
+
+from anaplot import cli
+from anaplot.exchange.blockfolder import (
+    block_files,
+    write_control,
+    write_image_points,
+    write_new_block,
+)
+from anaplot.photogrammetry.block import Block
 from anaplot.report.adjustarguments import add_adjust_arguments
 from anaplot.report.adjustcommand import adjust
 from anaplot.report.keywords import declared_options
@@ -31,3 +42,18 @@ def run_adjust(
     with redirect_stdout(out), redirect_stderr(err):
         code = run_computation(Namespace(**asked), adjust, block_files(folder))
     return code, out.getvalue(), err.getvalue()
+
+
+def written(block: Block, folder: Path) -> Path:
+    """Write a block with its measurements and control into a new folder."""
+    write_new_block(folder, replace(block, image_points=(), control=()))
+    write_image_points(folder, block.image_points)
+    write_control(folder, block.control)
+    return folder
+
+
+def run(capsys: pytest.CaptureFixture[str], *words: object) -> dict[str, object]:
+    """Return what `adjust --json` answers."""
+    assert cli.main(["adjust", *map(str, words), "--json"]) == 0
+    answer: dict[str, object] = json.loads(capsys.readouterr().out)
+    return answer

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from commandbench import run, written
 from hypothesis import given
 from hypothesis import strategies as st
 from test_adjust_errors import make
@@ -15,28 +15,15 @@ from anaplot import cli
 from anaplot.adjustment.strategies import STRATEGIES
 from anaplot.errors import InputError
 from anaplot.exchange import blockfolder
-from anaplot.exchange.blockfolder import read_block, write_image_points, write_new_block
+from anaplot.exchange.blockfolder import read_block
 from anaplot.exchange.lockfile import FolderLock
-from anaplot.photogrammetry.block import Block, ImagePoint
+from anaplot.photogrammetry.block import ImagePoint
 from anaplot.report.applyerrors import applied, taken_back
 
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     return written(make(), tmp_path / "block")
-
-
-def written(block: Block, folder: Path) -> Path:
-    write_new_block(folder, replace(block, image_points=(), control=()))
-    write_image_points(folder, block.image_points)
-    blockfolder.write_control(folder, block.control)
-    return folder
-
-
-def run(capsys: pytest.CaptureFixture[str], *words: object) -> dict[str, object]:
-    assert cli.main(["adjust", *map(str, words), "--json"]) == 0
-    answer: dict[str, object] = json.loads(capsys.readouterr().out)
-    return answer
 
 
 def test_what_is_rejected_is_switched_off_and_taken_back(

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from commandbench import run, written
 
 import anaplot
 from anaplot import cli
@@ -15,8 +15,7 @@ from anaplot.adjustment.watch import Watch
 from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.thinning.thinning import thin_block
 from anaplot.errors import InputError
-from anaplot.exchange import blockfolder
-from anaplot.exchange.blockfolder import read_block, write_image_points, write_new_block
+from anaplot.exchange.blockfolder import read_block, write_image_points
 from anaplot.photogrammetry.block import Block
 from anaplot.planning.blockplan import BlockPlan, plan_block
 from anaplot.report.astext import page_text
@@ -40,19 +39,6 @@ BLOCK = planned()
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     return written(BLOCK, tmp_path / "block")
-
-
-def written(block: Block, folder: Path) -> Path:
-    write_new_block(folder, replace(block, image_points=(), control=()))
-    write_image_points(folder, block.image_points)
-    blockfolder.write_control(folder, block.control)
-    return folder
-
-
-def run(capsys: pytest.CaptureFixture[str], *words: object) -> dict[str, object]:
-    assert cli.main(["adjust", *map(str, words), "--json"]) == 0
-    answer: dict[str, object] = json.loads(capsys.readouterr().out)
-    return answer
 
 
 def same(one: object, other: object) -> bool:
