@@ -16,8 +16,9 @@ from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import read_block, write_image_points, write_new_block
 from anaplot.exchange.journal import Journal
 from anaplot.photogrammetry.block import ImagePoint
-from anaplot.report.adjustcommand import adjust, find_gross_errors
+from anaplot.report.adjustcommand import adjust
 from anaplot.report.comparecommand import compare
+from anaplot.report.findcommand import find_gross_errors
 from anaplot.report.journalnote import session_note
 from anaplot.session.events import Event, ModelAccepted, RowSwitched, Undone
 from anaplot.session.state import SessionState, apply
