@@ -69,6 +69,16 @@ with {quiet}:
     assert not {"scipy", "textual", "serial", "jinja2"} & set(python(code).split())
 
 
+def test_the_status_of_what_is_not_measured_looks_at_its_settings_alone(tmp_path: Path) -> None:
+    assert "anaplot.exchange.blockfolder" in program("new", tmp_path / "b", "--strip", "1-5")
+    loaded = program("status", tmp_path / "b")
+    rooms = ("adjustment", "orientation", "bundle", "planning", "plotter", "simulation")
+    assert not {name for name in loaded if name.startswith(tuple(f"anaplot.{r}." for r in rooms))}
+    journal = {"exchange.journal", "session.events", "session.state", "station.edited"}
+    assert not {f"anaplot.{name}" for name in journal} & loaded
+    assert not {name for name in journal if importlib.util.find_spec(f"anaplot.{name}") is None}
+
+
 @pytest.fixture(scope="module")
 def block(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of a block with measurements and control."""

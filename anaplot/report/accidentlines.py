@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from anaplot.report.document import Answer, Document, Line, say
 from anaplot.report.photocures import PhotoCures, cure_words
+from anaplot.session.filedaccidents import MOST_MEASUREMENTS, BlockAccidents
 from anaplot.session.photoaccidents import PhotoAccident
-
-if TYPE_CHECKING:
-    from anaplot.session.blockaccidents import BlockAccidents
 
 __all__ = [
     "accidents_answer",
@@ -106,7 +103,5 @@ def unchecked_line(accidents: BlockAccidents) -> list[Line]:
     """Return the line that says which strips were not looked at, where there are any."""
     if not accidents.unchecked:
         return []
-    from anaplot.session.blockaccidents import MOST_MEASUREMENTS
-
     words = "numbering is not compared in strips of more than {} measurements: {}"
     return [say(words, MOST_MEASUREMENTS, ", ".join(accidents.unchecked)).of("remark")]

@@ -22,8 +22,9 @@ from anaplot.report.findcommand import find_gross_errors
 from anaplot.report.journalnote import session_note
 from anaplot.session.events import Event, ModelAccepted, RowSwitched, Undone
 from anaplot.session.state import SessionState, apply
-from anaplot.station.edited import check_unedited, journaled
+from anaplot.station.edited import check_unedited
 from anaplot.station.imagepoints import rows_of
+from anaplot.station.journaled import journaled
 from anaplot.station.sessionlog import read_history
 from anaplot.station.station import Station
 from anaplot.textfiles.wording import quoted
