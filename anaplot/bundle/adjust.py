@@ -24,6 +24,7 @@ from anaplot.bundle.solve.problem import Datum, Problem, make_problem
 from anaplot.bundle.solve.reliability import Cofactors, compute_cofactors
 from anaplot.bundle.solve.structure import Structure, make_structure
 from anaplot.bundle.start.approximate import (
+    Way,
     approximate_ways,
     doubtful,
 )
@@ -59,7 +60,6 @@ __all__ = [
 
 _FITS = 4.0  # sigma0 up to which a minimum is not held against others
 _SOFT = 1e-8  # pivot over diagonal below which a minimum may hang on rounding or noise
-_TRIES = 40  # steps after which a doubtful start waits until the others have failed
 _TORN = 50.0  # sigma0 above which a robust solution is asked for the culprit
 
 
@@ -310,14 +310,15 @@ def _searched(
 
     ways = approximate_ways(problem)
     if first is not None:
-        ways.insert(0, lambda _: first)
+        ways.insert(0, Way(lambda _: first))
     waiting: list[tuple[float, BlockState]] = []
     while ways or waiting:
         # of those that have waited, the one from which most rays agree first
         new = bool(ways)
         waiting.sort(key=lambda one: one[0])
+        way = ways.pop(0) if new else None
         try:
-            start = ways.pop(0)(progress) if new else waiting.pop(0)[1]
+            start = way.find(progress) if way is not None else waiting.pop(0)[1]
             if start is None:
                 continue
             structure = make_structure(problem, start.centres)
@@ -333,7 +334,7 @@ def _searched(
             # what misses by far cannot fit better
             continue
         wait = new and (bool(ways) or bool(waiting))
-        found = minimum(start, structure, _TRIES if wait else None)
+        found = minimum(start, structure, way.tries if way is not None and wait else None)
         if found is not None and _fits(problem, found):
             break
         if found is None and wait and unsure:

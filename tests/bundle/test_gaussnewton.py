@@ -39,7 +39,7 @@ LOST = [
 
 def laid_out(seed: int, **options) -> tuple[Problem, BlockState]:
     problem = make_problem(short_base(seed, **options).block, datum="free")
-    start = approximate_ways(problem)[0](None)
+    start = approximate_ways(problem)[0].find(None)
     assert start is not None
     return problem, start
 

@@ -50,7 +50,7 @@ def test_a_photo_is_resected_once_where_the_first_seed_is_a_good_one(
 
     monkeypatch.setattr(subblock, "resect", count)
     problem = ring()
-    state = approximate_ways(problem)[4](None)
+    state = approximate_ways(problem)[4].find(None)
     assert state is not None
     assert not doubtful(problem, state)
     # two are the seed
@@ -62,11 +62,11 @@ def test_level_photos_that_miss_by_far_are_tried_last() -> None:
     problem = make_problem(measured(KINDS["few rays"](rng, 1), rng).block)
     assert vertical_subblock(problem) is not None
     ways = approximate_ways(problem)
-    assert ways[2](None) is None
-    last = ways[-1](None)
+    assert ways[2].find(None) is None
+    last = ways[-1].find(None)
     assert last is not None
     assert doubtful(problem, last)
-    assert ways[-1](None) is None
+    assert ways[-1].find(None) is None
 
 
 @pytest.mark.parametrize("kind", ["strip", "three photos", "few rays"])
@@ -91,7 +91,7 @@ def test_level_photos_are_the_same_by_full_and_by_sparse_equations(
 def test_a_start_is_given_up_after_as_many_steps_as_asked_for() -> None:
     problem = ring()
     rng = np.random.default_rng(5)
-    state = approximate_ways(problem)[4](None)
+    state = approximate_ways(problem)[4].find(None)
     assert state is not None
     state.centres[:] += rng.normal(0.0, 6.0, state.centres.shape)
     structure = make_structure(problem, state.centres)

@@ -9,23 +9,23 @@ from any attitude is the seed. What has grown is laid onto all control at once.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import sparse
 
 from anaplot.aliases import Array, Bools, Index, Progress
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.problem import Problem, listed
 from anaplot.bundle.start.absolute import give_nominal_place, to_ground, to_some_ground
 from anaplot.bundle.start.bridging import BRIDGING, bridged_parts
-from anaplot.bundle.start.relative import orient_pair
+from anaplot.bundle.start.seeds import PAIRS, PHOTOS, grown_from_seed
 from anaplot.bundle.start.subblock import SubBlock, intersect_rays, rays_of_photos, unit_rays
 from anaplot.bundle.start.vertical import vertical_subblock
 from anaplot.errors import NotComputableError
 
 __all__ = [
     "SEARCHES",
+    "Way",
     "approximate_ways",
     "doubtful",
     "extended_state",
@@ -34,17 +34,30 @@ __all__ = [
     "state_of",
 ]
 
-_PAIRS, _PHOTOS = "orienting pairs", "orienting photos"
-SEARCHES = BRIDGING, _PAIRS, _PHOTOS
+SEARCHES = BRIDGING, PAIRS, PHOTOS
 """What the search for approximate values says of its progress."""
 
-Way = Callable[[Progress | None], BlockState | None]
 
+@dataclass(frozen=True, slots=True)
+class Way:
+    """A way to approximate values.
+
+    Attributes
+    ----------
+    find
+        Returns them; None where the way does not apply.
+    tries
+        Steps within which the minimum is reached from them, if they are right.
+    """
+
+    find: Callable[[Progress | None], BlockState | None]
+    tries: int = 40
+
+
+_LEVEL_TRIES = 10  # level photos lead there in seven steps, or go round corners in forty
 _BELIEVED = 0.05  # share of c by which approximate orientations may miss, in the median
 _STATED = 0.15  # the same, where all are stated and a few steps tell whether it leads anywhere
 _DOUBTFUL = 0.02  # the same, from which a start often leads nowhere
-_GROWN = 4.0  # sigmas by which rays of a block grown from a good seed miss, in the median
-_DRIFT = 0.001  # share of c that they may miss by more than that: errors add up along a chain
 
 
 def approximate_ways(problem: Problem) -> list[Way]:
@@ -53,7 +66,7 @@ def approximate_ways(problem: Problem) -> list[Way]:
     What the block states; bridged strips; the photos as vertical ones; bridged strips together with
     pairs in any attitude; such pairs alone. A way returns None where it does not apply, and raises
     NotComputableError where it does not get through. Level photos whose rays miss by more than a
-    twentieth of c in the median come last of all.
+    fiftieth of c in the median come last of all.
     """
     put_off: list[BlockState] = []
     rays, by_photo = unit_rays(problem), rays_of_photos(problem)
@@ -78,7 +91,7 @@ def approximate_ways(problem: Problem) -> list[Way]:
         if subblock is None:
             return None
         state = state_of(problem, subblock)
-        if _misses(problem, subblock) > _BELIEVED:
+        if _misses(problem, subblock) > _DOUBTFUL:
             put_off.append(state)
             return None
         return state
@@ -95,7 +108,14 @@ def approximate_ways(problem: Problem) -> list[Way]:
     def hopeless(progress: Progress | None) -> BlockState | None:
         return put_off.pop() if put_off else None
 
-    return [stated, bridged, level, mixed, paired, hopeless]
+    return [
+        Way(stated),
+        Way(bridged),
+        Way(level, _LEVEL_TRIES),
+        Way(mixed),
+        Way(paired),
+        Way(hopeless),
+    ]
 
 
 def doubtful(problem: Problem, start: BlockState) -> bool:
@@ -134,10 +154,9 @@ def _joined(
     if not ground.oriented.any():
         ground = _from_control(problem, by_photo)
         if not ground.oriented.any():
-            if not free:
-                free = _seed_pairs(problem, rays, by_photo, progress)
-            if free:
-                ground = free[0]
+            part = free[0] if free else grown_from_seed(problem, rays, by_photo, progress=progress)
+            if part is not None:
+                ground = part
                 if not to_ground(problem, ground):
                     give_nominal_place(problem, ground)
     _grow(problem, ground, rays, by_photo, free, progress)
@@ -280,82 +299,6 @@ def _from_control(problem: Problem, by_photo: list[Index]) -> SubBlock:
     return subblock
 
 
-def _seed_pairs(
-    problem: Problem, rays: Array, by_photo: list[Index], progress: Progress | None
-) -> list[SubBlock]:
-    """Start from a pair of photos in any attitude, the one from which most photos follow."""
-    sets = [set(problem.point[index].tolist()) for index in by_photo]
-    n = int(sum(len(index) > 0 for index in by_photo))
-    fits = max(_GROWN * float(np.median(problem.sigma)), _DRIFT * float(np.median(problem.c)))
-    candidates = _most_in_common(problem, by_photo)
-    best: SubBlock | None = None
-    best_score = (-1, 0.0)
-    for count, (_, i, j) in enumerate(candidates[:4]):
-        if progress is not None:
-            progress(_PAIRS, count / min(4, len(candidates)))
-        both = np.array(sorted(sets[i] & sets[j]))
-        index = [{int(problem.point[r]): int(r) for r in by_photo[k][::-1]} for k in (i, j)]
-        first = rays[[index[0][int(p)] for p in both]]
-        second = rays[[index[1][int(p)] for p in both]]
-        for found in orient_pair(first, second)[:3]:
-            subblock = SubBlock.empty(problem)
-            subblock.centres[i], subblock.rotations[i] = np.zeros(3), np.eye(3)
-            subblock.centres[j], subblock.rotations[j] = found.base, found.rotation
-            subblock.place(problem, rays)
-            _spread(problem, subblock, rays, by_photo, progress)
-            size = subblock.residuals(problem)
-            size = size[~np.isnan(size)]
-            error = float(np.median(size)) if len(size) else float("inf")
-            score = (int(subblock.oriented.sum()), -error)
-            if score > best_score:
-                best, best_score = subblock, score
-            if error < fits and score[0] == n:
-                return [subblock]
-            if error < fits and 2 * score[0] > n:
-                # this is how the pair is oriented: what it does not reach, another may
-                break
-        if best is not None and best_score[0] == n and count >= 1:
-            break
-    return [] if best is None else [best]
-
-
-def _most_in_common(problem: Problem, by_photo: list[Index]) -> list[tuple[int, int, int]]:
-    """Return (common points, photo, photo) of pairs with six or more, most first."""
-    n, p = len(problem.photos), len(problem.points)
-    used = np.concatenate(by_photo)
-    seen = sparse.coo_matrix(
-        (np.ones(len(used)), (problem.photo[used], problem.point[used])), shape=(n, p)
-    ).tocsr()
-    seen.data[:] = 1.0
-    common = sparse.triu(seen @ seen.T, 1).tocoo()
-    good = common.data >= 6
-    order = np.lexsort((common.col[good], common.row[good], -common.data[good]))
-    triples = np.stack((common.data[good], common.row[good], common.col[good]), axis=1)
-    return [(int(c), int(i), int(j)) for c, i, j in triples[order].tolist()]
-
-
-def _spread(
-    problem: Problem,
-    subblock: SubBlock,
-    rays: Array,
-    by_photo: list[Index],
-    progress: Progress | None,
-) -> None:
-    """Add photos and points until nothing more can be added; all points from all rays."""
-    tried: dict[int, tuple[int, int]] = {}
-    while True:
-        if progress is not None:
-            progress(_PHOTOS, float(subblock.oriented.mean()))
-        added = 0
-        for fewest in (6, 5, 4):
-            added = subblock.add_photos(problem, by_photo, fewest, tried=tried, progress=progress)
-            if added:
-                break
-        placed = subblock.place(problem, rays)
-        if not added and not placed:
-            break
-
-
 def _grow(
     problem: Problem,
     ground: SubBlock,
@@ -371,7 +314,7 @@ def _grow(
     waiting = [c for c in others if c is not ground and (c.oriented & ~ground.oriented).any()]
     while True:
         if progress is not None:
-            progress(_PHOTOS, float(ground.oriented.mean()))
+            progress(PHOTOS, float(ground.oriented.mean()))
         ground.place(problem, rays)
         joined = [c for c in waiting if ground.join(c)]
         waiting = [c for c in waiting if c not in joined]
@@ -420,11 +363,10 @@ def _other_parts(
             ground.rotations[new] = control.rotations[new]
             _grow(problem, ground, rays, by_photo, [], progress)
             continue
-        left = [index if missing[k] else index[:0] for k, index in enumerate(by_photo)]
-        seeds = _seed_pairs(problem, rays, left, progress)
-        if not seeds:
+        # grown over all photos: what both have in common joins them
+        part = grown_from_seed(problem, rays, by_photo, missing, progress=progress)
+        if part is None:
             break
-        part = seeds[0]
         if not ground.join(part):
             if not to_ground(problem, part):
                 give_nominal_place(problem, part)

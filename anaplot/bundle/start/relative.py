@@ -36,12 +36,15 @@ class RelativeOrientation(NamedTuple):
         Median angle by which rays miss each other [rad].
     in_front
         Share of the points that lie in front of both photos.
+    angle
+        Median angle at which rays of a point meet [rad].
     """
 
     base: Array
     rotation: Array
     error: float
     in_front: float
+    angle: float
 
 
 def orient_pair(first: Array, second: Array) -> list[RelativeOrientation]:
@@ -68,10 +71,12 @@ def orient_pair(first: Array, second: Array) -> list[RelativeOrientation]:
         error = float(np.median(np.abs(np.cross(p, turned) @ base)))
         for twist in (np.eye(3), 2.0 * np.outer(base, base) - np.eye(3)):
             # the photo turned by 180 degrees about the base fits as well, with points behind it
+            here = twist @ rotation
+            cosine = np.einsum("ni,ni->n", p, q @ here.T)
+            angle = float(np.median(np.arccos(np.clip(cosine, -1.0, 1.0))))
             for sign in (1.0, -1.0):
-                here = twist @ rotation
                 share = _in_front(p, q @ here.T, sign * base)
-                found.append(RelativeOrientation(sign * base, here, error, share))
+                found.append(RelativeOrientation(sign * base, here, error, share, angle))
     found.sort(key=lambda o: (-round(o.in_front * 10.0), o.error))
     distinct: list[RelativeOrientation] = []
     for one in found:

@@ -13,7 +13,8 @@ __all__ = ["Resection", "resect", "three_point_resection"]
 
 _SAMPLES = 80  # half of the triples that are tried
 _JUDGES = 60  # points by which triples are judged at most
-_REFINED = 4  # candidates that are refined
+_FIRST = 40  # triples that are tried first, and alone
+_AGREED = 0.01  # where one of them leaves half of the points within this share of c
 _STEPS = 30
 _LITTLE = 1e-4  # share of what is minimised: a step that brings less is the last
 _STUCK = 1e5  # damping from which no step is tried
@@ -137,27 +138,25 @@ def resect(xy: Array, c: float, points: Array) -> Resection | None:
         )
     else:
         index = _spread_triples(xy, rng)
-    centres, rotations, _ = three_point_resection(rays[index], points[index])
+    at = min(len(judges) - 1, max(len(judges) // 2, 3))
+    for some in (index[:_FIRST], index) if len(index) > _FIRST else (index,):
+        centres, rotations, _ = three_point_resection(rays[some], points[some])
+        if len(centres) == 0:
+            continue
+        error = _residuals(centres, rotations, c, points[judges], xy[judges])
+        middle = np.partition(error, at, axis=1)[:, at]
+        if middle.min() < _AGREED * c:
+            break
     if len(centres) == 0:
         return None
-    error = _residuals(centres, rotations, c, points[judges], xy[judges])
-    at = min(len(judges) - 1, max(len(judges) // 2, 3))
-    best = np.argsort(np.partition(error, at, axis=1)[:, at])[:_REFINED]
-    # side by side on some of the points; the one that is best there on all of them
+    best = [int(np.argmin(middle))]
     centres, rotations = _refine(centres[best], rotations[best], c, points[judges], xy[judges])
-    error = _residuals(centres, rotations, c, points, xy)
-    size = np.sort(error, axis=1)[:, : max(4, (3 * n) // 4)].mean(axis=1)
-    if not float(size.min()) < np.inf:
-        return None
-    k = int(np.argmin(size))
-    centre, rotation, residual = centres[k], rotations[k], error[k]
     if len(judges) < n:
-        alone = slice(k, k + 1)
-        centre, rotation = (
-            one[0] for one in _refine(centres[alone], rotations[alone], c, points, xy)
-        )
-        residual = _residuals(centre[None], rotation[None], c, points, xy)[0]
-    return Resection(centre, rotation, residual)
+        centres, rotations = _refine(centres, rotations, c, points, xy)
+    residual = _residuals(centres, rotations, c, points, xy)[0]
+    if not float(np.sort(residual)[: max(4, (3 * n) // 4)].mean()) < np.inf:
+        return None
+    return Resection(centres[0], rotations[0], residual)
 
 
 def _spread_triples(xy: Array, rng: np.random.Generator) -> Index:

@@ -82,23 +82,27 @@ class SubBlock:
         fewest: int = 4,
         *,
         but: Bools | None = None,
+        of_most: float = 0.0,
         tried: dict[int, tuple[int, int]] | None = None,
         progress: Progress | None = None,
     ) -> int:
         """Orient photos to points of the sub-block, those with most points first; returns how many.
 
         A photo is taken when most of its points agree within 2 % of the camera constant; none of
-        (photos,) `but` is. What `tried` remembers of photos that were not taken - how many points
-        they saw, and how many of these agreed - is not computed again. `progress` is called with
-        what is being done and the share of the photos that are oriented.
+        (photos,) `but` is, and none that sees less than a share `of_most` of the points that the
+        photo with most of them sees. What `tried` remembers of photos that were not taken - how
+        many points they saw, and how many of these agreed - is not computed again. `progress` is
+        called with what is being done and the share of the photos that are oriented.
         """
         tried = {} if tried is None else tried
         added = 0
         passed = self.oriented if but is None else self.oriented | but
         placed = self.placed
         counts = np.bincount(problem.photo[placed[problem.point]], minlength=len(problem.photos))
+        left = np.where(passed, 0, counts)
+        least = max(fewest, of_most * float(left.max(initial=0)))
         for photo in np.argsort(-counts, kind="stable").tolist():
-            if counts[photo] < fewest:
+            if counts[photo] < least:
                 break
             if passed[photo]:
                 continue

@@ -21,6 +21,7 @@ from scipy.sparse.linalg import MatrixRankWarning, spsolve
 from anaplot.aliases import Array, Complex, Index, Progress
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.start.subblock import SubBlock
+from anaplot.bundle.start.viewgraph import view_graph
 from anaplot.photogrammetry.rotation import rotation_matrix
 
 __all__ = ["vertical_subblock"]
@@ -106,23 +107,11 @@ def _rays(problem: Problem) -> _Rays:
 
 def _edges(problem: Problem, rays: _Rays, say: Callable[[float], None]) -> list[_Edge]:
     """Similarities between the photos that have most points in common."""
-    n, p = len(problem.photos), len(problem.points)
-    seen = sparse.csr_matrix((np.ones(len(rays.w)), (rays.photo, rays.point)), shape=(n, p))
-    common = sparse.triu(seen @ seen.T, 1).tocoo()
-    wanted: set[tuple[int, int]] = set()
-    row = np.concatenate((common.row, common.col))
-    column = np.concatenate((common.col, common.row))
-    count = np.concatenate((common.data, common.data))
-    keep = count >= 2
-    row, column, count = row[keep], column[keep], count[keep]
-    order = np.lexsort((column, -count, row))
-    begin = np.searchsorted(row[order], np.arange(n + 1))
-    for k in range(n):
-        for at in order[begin[k] : min(begin[k + 1], begin[k] + _NEIGHBOURS)].tolist():
-            wanted.add((min(k, int(column[at])), max(k, int(column[at]))))
+    wanted = view_graph(problem).strongest_of_each(_NEIGHBOURS).tolist()
+    n = len(problem.photos)
     ends = np.searchsorted(rays.photo, np.arange(n + 1))
     found = []
-    for done, (i, j) in enumerate(sorted(wanted)):
+    for done, (i, j) in enumerate(wanted):
         say(_OF_EDGES * done / len(wanted))
         a, b = slice(ends[i], ends[i + 1]), slice(ends[j], ends[j + 1])
         _, at_i, at_j = np.intersect1d(

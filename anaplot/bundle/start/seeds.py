@@ -1,0 +1,165 @@
+"""A part of a block that grows from two photos in any attitude.
+
+The seed is an edge of the view graph: two photos that have many points in common, and show them at
+an angle. Oriented relative to each other, they place their points; photos that see most of these
+are resected next.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from anaplot.aliases import Array, Bools, Index, Progress
+from anaplot.bundle.solve.problem import Problem
+from anaplot.bundle.start.relative import RelativeOrientation, orient_pair
+from anaplot.bundle.start.subblock import SubBlock
+from anaplot.bundle.start.viewgraph import view_graph
+
+__all__ = ["PAIRS", "PHOTOS", "grown_from_seed"]
+
+PAIRS, PHOTOS = "orienting pairs", "orienting photos"
+"""What is said of the progress."""
+
+_FEWEST = 6  # common points of a seed
+_SEEDS = 4  # pairs from which a part grows, at most
+_ORIENTED = 12  # pairs that are oriented to find them, at most
+_ANGLE = 0.04  # at which a seed shows its points [rad]
+_ORIENTATIONS = 3  # of a seed that are tried
+_NEARLY = 0.9  # of the photos: a part that reaches so many is taken
+_GROWN = 4.0  # sigmas by which rays of a part grown from a good seed miss, in the median
+_DRIFT = 0.001  # share of c that they may miss by more than that: errors add up along a chain
+
+
+def grown_from_seed(
+    problem: Problem,
+    rays: Array,
+    by_photo: list[Index],
+    among: Bools | None = None,
+    *,
+    progress: Progress | None = None,
+) -> SubBlock | None:
+    """Return what grows from two photos, of several parts the one with most photos.
+
+    Parameters
+    ----------
+    problem
+        The bundle.
+    rays
+        (m, 3) rays of unit length in image axes.
+    by_photo
+        The rays of each photo.
+    among
+        (photos,) which have no place yet: of these is the seed, and these count. The part grows
+        over their neighbours as well, so that it can be joined to where those are.
+    progress
+        Called with what is being done and the fraction of it.
+
+    Returns
+    -------
+    SubBlock or None
+        None where no two photos have six points in common.
+    """
+    first = among is None
+    among = np.ones(len(problem.photos), dtype=bool) if among is None else among
+    n = int(among.sum())
+    fits = max(_GROWN * float(np.median(problem.sigma)), _DRIFT * float(np.median(problem.c)))
+    best: SubBlock | None = None
+    best_score = (-1, 0.0)
+    graph = view_graph(problem)
+    beyond = ~graph.with_neighbours(among)
+    pairs = graph.strongest(_FEWEST, among)[:_ORIENTED]
+    for count, (pair, orientations) in enumerate(_seeds(problem, rays, by_photo, pairs)):
+        if progress is not None:
+            progress(PAIRS, count / _SEEDS)
+        for found in orientations:
+            part = SubBlock.empty(problem)
+            part.centres[pair] = np.zeros(3), found.base
+            part.rotations[pair] = np.eye(3), found.rotation
+            part.place(problem, rays)
+            _spread(problem, part, rays, by_photo, beyond, progress)
+            size = part.residuals(problem)
+            size = size[~np.isnan(size)]
+            error = float(np.median(size)) if len(size) else float("inf")
+            score = (int((part.oriented & among).sum()), -error)
+            if score > best_score:
+                best, best_score = part, score
+            if error < fits and (score[0] >= _NEARLY * n or not first):
+                return part
+            if error < fits and 2 * score[0] > n:
+                # this is how the pair is oriented: what it does not reach, another may
+                break
+        if best is not None and best_score[0] == n and count >= 1:
+            break
+    return best
+
+
+def _seeds(
+    problem: Problem, rays: Array, by_photo: list[Index], pairs: Index
+) -> Iterator[tuple[Index, list[RelativeOrientation]]]:
+    """Yield pairs of photos with possible orientations, the best seeds first.
+
+    Of pairs with most common points those that show them at an angle; where there are too few,
+    those that come nearest to it.
+    """
+    flat: list[tuple[Index, list[RelativeOrientation]]] = []
+    good = 0
+    for pair in pairs:
+        one, other = _rays_of_common_points(problem, by_photo, pair)
+        found = orient_pair(rays[one], rays[other])[:_ORIENTATIONS]
+        if not found:
+            continue
+        if found[0].angle < _ANGLE:
+            flat.append((pair, found))
+            continue
+        yield pair, found
+        good += 1
+        if good == _SEEDS:
+            return
+    flat.sort(key=lambda seed: -seed[1][0].angle)
+    yield from flat[: _SEEDS - good]
+
+
+def _rays_of_common_points(
+    problem: Problem, by_photo: list[Index], pair: Index
+) -> tuple[Index, Index]:
+    """Return the rays of the points that both photos have, point by point; the first of each."""
+    one, other = by_photo[pair[0]], by_photo[pair[1]]
+    _, at, there = np.intersect1d(problem.point[one], problem.point[other], return_indices=True)
+    return one[at], other[there]
+
+
+def _spread(
+    problem: Problem,
+    part: SubBlock,
+    rays: Array,
+    by_photo: list[Index],
+    beyond: Bools,
+    progress: Progress | None,
+) -> None:
+    """Add photos and points until nothing more can be added; all points from all rays.
+
+    First those that see half as many points as the one that sees most: one at the edge of what is
+    there would be badly determined, and sees more of it a little later.
+    """
+    tried: dict[int, tuple[int, int]] = {}
+    while True:
+        if progress is not None:
+            progress(PHOTOS, float(part.oriented.mean()))
+        added = 0
+        for fewest, share in ((_FEWEST, 0.5), (_FEWEST, 0.0), (5, 0.0), (4, 0.0)):
+            added = part.add_photos(
+                problem,
+                by_photo,
+                fewest,
+                but=beyond,
+                of_most=share,
+                tried=tried,
+                progress=progress,
+            )
+            if added:
+                break
+        placed = part.place(problem, rays)
+        if not added and not placed:
+            break
