@@ -22,6 +22,12 @@ others of its place by twice as much; where the doubt is less than a tenth of a 
 nothing. What is left waits for the next sweep; the largest of all never waits, and what went too
 early comes back. Of rows that are hard to tell apart another one may go than one by one.
 
+Sweeps begin without what the place of linearisation was found without: what a robust solution
+leaves far off, or what the pass before has rejected. There the rule decides anew in every place as
+if all of its own rows were in, so that steps and statistics are those of the place; what stands at
+the end of a pass stays the same in the next. On the way from a robust solution a tenth of the bound
+is in doubt: what is alike off in one photo is known already, and the next pass looks again.
+
 A sweep need not adjust anew to see what is left: the misclosures follow exactly from the adjustment
 with all rows (`WithoutRows.drafted`), only the redundancy numbers leave out what places do to each
 other. The end is always seen from an adjustment without the rejected rows, unless it is but a place
@@ -35,13 +41,13 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
-from scipy.sparse import csr_array
 
-from anaplot.adjustment.elimination import Elimination
+from anaplot.adjustment.doubts import Doubts, Touching
+from anaplot.adjustment.elimination import Elimination, NotSeparableError
 from anaplot.adjustment.findings import SearchStep
-from anaplot.adjustment.partners import EQUAL, WEAK
+from anaplot.adjustment.partners import EQUAL
+from anaplot.adjustment.places import Place, Places, nothing_better, plainly_rejected
 from anaplot.adjustment.reliability import HARD_TO_TELL
-from anaplot.adjustment.residualsystem import DenseResiduals
 from anaplot.adjustment.search import search
 from anaplot.adjustment.significance import TESTABLE, critical_normal
 from anaplot.adjustment.stepwise import rule_of, step_by_step
@@ -50,7 +56,6 @@ from anaplot.aliases import Array, Bools, Index
 
 __all__ = [
     "ApartEnd",
-    "Place",
     "RowsGiven",
     "WithoutRows",
     "clean_apart",
@@ -62,24 +67,7 @@ MOST_SWEEPS = 60
 """Sweeps after which what was found so far is kept."""
 
 _NEGLIGIBLE = 0.1  # sigmas of doubt that count for nothing
-
-
-class Place(NamedTuple):
-    """The rows of a place, as a system in which all of them are in and all others as they are.
-
-    Attributes
-    ----------
-    rows
-        (k,) which rows, ascending.
-    system
-        Of these rows.
-    lever
-        (k,) h: an element of R with a row of another place is no larger than the product of both.
-    """
-
-    rows: Index
-    system: DenseResiduals
-    lever: Array
+_IN_THE_MEAN = 0.1  # of its bound that an element of R has, on the way from a robust solution
 
 
 class RowsGiven(Protocol):
@@ -104,17 +92,26 @@ class RowsGiven(Protocol):
         """Return (k,) the places of k rows; -1 of a row that has none."""
         ...
 
-    def places(self, numbers: Index) -> list[Place]:
-        """Return places by their numbers."""
+    def places(self, numbers: Index) -> Iterator[Places]:
+        """Yield places by their numbers, in any order, those of as many rows together."""
         ...
 
-    def touching(self, numbers: Index) -> csr_array:
-        """Return (k, k) what is not zero where two of k places touch, none with itself."""
+    def reach(self, numbers: Index) -> Array:
+        """Return (k,) the `Places.reach` of places."""
+        ...
+
+    def touching(self, numbers: Index) -> Touching:
+        """Return what k places have in common."""
         ...
 
 
 class WithoutRows(Protocol):
     """What an adjustment is without some of its rows."""
+
+    @property
+    def begun(self) -> Collection[int]:
+        """Rows without which the place was found where all is linearised."""
+        ...
 
     def adjusted(self, out: Sequence[int]) -> RowsGiven:
         """Return all rows, adjusted anew without some."""
@@ -196,6 +193,11 @@ class _Sweeps:
     best: bool
 
     @property
+    def share(self) -> float:
+        """Share of what may be in doubt that is: of a draft, where it is known what is far off."""
+        return _IN_THE_MEAN if self.draft and self.without.begun else 1.0
+
+    @property
     def critical(self) -> float:
         """Critical value of w."""
         return critical_normal(self.alpha)
@@ -204,31 +206,52 @@ class _Sweeps:
         """Go on until nothing changes or a set recurs."""
         steps: list[SearchStep] = []
         remarks: tuple[str, ...] = ()
-        out, exact = frozenset[int](), False
-        given, seen = self._given(out, 1, exact=exact), {out}
+        out, number = self._begun(), 1
+        # of what the place was found without all is known there
+        exact = bool(out) and not self.draft
+        given = self._given(out, number, exact=exact)
+        if out:
+            begun = self._sweep(given, out, anew=True)
+            steps, number = begun.steps, 2
+            if begun.out != out:
+                out, exact = begun.out, False
+                del given  # as large as a block
+                given = self._given(out, number, exact=exact)
+        seen = {out}
         while not self.watch.stopped:
-            found = self._sweep(given, out) or self._exchanged(given, out)
-            if found is None and not (exact or self.draft):
+            found = self._sweep(given, out)
+            if not found.steps:
+                found = self._exchanged(given, out)
+            number += 1
+            if not (found.steps or exact or self.draft):
                 exact = True
-                given = self._given(out, len(seen) + 1, exact=True)
+                del given
+                given = self._given(out, number, exact=True)
                 continue
-            if found is None or found.out in seen:
+            if not found.steps or found.out in seen:
                 break
             if len(seen) > MOST_SWEEPS:
                 remarks = (f"the rejected observations did not settle in {MOST_SWEEPS} sweeps",)
                 break
             objective = self._objective(given, out)
-            del given  # as large as a block
-            given = self._given(found.out, len(seen) + 1, exact=exact)
+            del given
+            given = self._given(found.out, number, exact=exact)
             if found.exchange and not self._objective(given, found.out) < objective:
-                given = self._given(out, len(seen) + 1, exact=exact)
+                given = self._given(out, number, exact=exact)
                 break
             steps += found.steps
             out = found.out
             seen.add(out)
         if not (exact or self.draft):
-            given = self._given(out, len(seen) + 1, exact=True)
+            given = self._given(out, number, exact=True)
         return ApartEnd(given, tuple(sorted(out)), steps, remarks)
+
+    def _begun(self) -> frozenset[int]:
+        """Return what is out to begin with: what may go of what the place was found without."""
+        rows = np.array(sorted(self.without.begun), dtype=np.intp)
+        if len(rows) > self.most:
+            return frozenset()
+        return frozenset(rows[self.suspects[rows]].tolist()).difference(self.held)
 
     def _given(self, out: frozenset[int], number: int, *, exact: bool) -> RowsGiven:
         self.watch(f"sweep {number}, {len(out)} rejected", 0.0)
@@ -238,38 +261,85 @@ class _Sweeps:
     def _objective(self, given: RowsGiven, out: frozenset[int]) -> float:
         return given.vtpv + self.critical**2 * len(out)
 
-    def _changes(self, given: RowsGiven, out: frozenset[int], *, exchange: bool) -> _Changes:
-        return _Changes(out, given.vtpv, self.critical**2 if self.best else None, exchange)
+    def _changes(self, value: float, out: frozenset[int], *, exchange: bool) -> _Changes:
+        return _Changes(out, value, self.critical**2 if self.best else None, exchange)
 
-    def _sweep(self, given: RowsGiven, out: frozenset[int]) -> _Changes | None:
-        """Let the rule decide in every place with a conspicuous row; None where nothing changes."""
+    def _sweep(self, given: RowsGiven, out: frozenset[int], *, anew: bool = False) -> _Changes:
+        """Let the rule decide in every place with a conspicuous row.
+
+        With `anew` also in every place with a row that is out, as if all of its own were in.
+        """
+        gone = np.array(sorted(out), dtype=np.intp)
         size = standardized(given, [*out, *self.held])
         bad, back = self.suspects.copy(), np.zeros(len(size), dtype=bool)
-        bad[[*out, *self.held]], back[[*out]] = False, True
+        bad[[*out, *self.held]], back[gone] = False, True
         with np.errstate(invalid="ignore"):
             bad &= (size > self.critical) & (len(out) < self.most)
             back &= size < self.critical
+        stands = frozenset[int]()
+        if anew:
+            stands = self._standing(given, gone, np.flatnonzero(bad | back))
+            back[gone] = True
         rows = np.flatnonzero(bad | back)
         numbers, at = np.unique(given.places_of(rows), return_inverse=True)
-        top = np.zeros(len(numbers))
+        top, first = np.zeros(len(numbers)), np.zeros(len(numbers))
         np.maximum.at(top, at, np.where(bad[rows], size[rows], 0.0))
-        places = given.places(numbers)
-        doubts = _Doubts(
-            top, np.array([_reach(place) for place in places]), given.touching(numbers)
-        )
-        changes = self._changes(given, out, exchange=False)
-        for k in np.argsort(-top, kind="stable").tolist():
-            for step in self._decided(places[k], out, self.most - len(changes.out), k, doubts):
-                changes.add(step, places[k].rows)
-        return changes if changes.steps else None
+        np.maximum.at(first, at, np.nan_to_num(size[rows]))
+        reach = given.reach(numbers) * np.sqrt(self.share)
+        doubts = Doubts(top, reach, given.touching(numbers))
+        # what the largest row of a place leaves in doubt, its rows do
+        waits = ~np.isin(numbers, given.places_of(gone))
+        waits &= doubts.blocks(self.critical, _NEGLIGIBLE)
+        kept = frozenset[int]() if anew else out
+        decided: list[tuple[float, list[SearchStep], Index]] = []
+        value = given.vtpv
+        for places in given.places(numbers[~waits]):
+            value += float(np.sum(places.vtpv - given.vtpv)) if anew else 0.0
+            which = np.searchsorted(numbers, places.numbers)
+            for k, steps, mine in self._decided(places, kept, which, doubts, stands):
+                decided.append((float(first[k]), steps, mine))
+        changes = self._changes(value, kept, exchange=False)
+        decided.sort(key=lambda one: -one[0])
+        for _, steps, mine in decided:
+            for step in steps:
+                if step.action != "drop" and len(changes.out) + len(step.rows) > self.most:
+                    break
+                changes.add(step, mine)
+        return changes
 
     def _decided(
-        self, place: Place, out: frozenset[int], room: int, k: int, doubts: _Doubts
+        self,
+        places: Places,
+        out: frozenset[int],
+        which: Index,
+        doubts: Doubts,
+        stands: frozenset[int],
+    ) -> Iterator[tuple[int, list[SearchStep], Index]]:
+        """Yield the steps of the rule in places, which they are, and their rows.
+
+        Of the places of `stands` these rows are out at the end, whatever the rule says.
+        """
+        suspects = self.suspects[places.rows]
+        some = np.any(np.isin(places.rows, np.array(sorted(out), dtype=np.intp)), axis=1)
+        plain = plainly_rejected(places, suspects, self.critical)
+        for at, k in enumerate(which.tolist()):
+            steps = None if some[at] else plain[at]
+            if steps is None or any(
+                doubts.of(k, step.statistic or 0.0) > _NEGLIGIBLE for step in steps
+            ):
+                steps = list(self._one_by_one(places.place(at), out, suspects[at], k, doubts))
+            if stands and stands.intersection(places.rows[at].tolist()):
+                steps += _to_stand(places.place(at), stands, steps)
+            if steps:
+                yield k, steps, places.rows[at]
+
+    def _one_by_one(
+        self, place: Place, out: frozenset[int], suspects: Bools, k: int, doubts: Doubts
     ) -> Iterator[SearchStep]:
         """Yield the steps of the rule in a place that nothing elsewhere leaves in doubt."""
         state = _begun(place, out)
-        suspects, size = self.suspects[place.rows], np.abs(state.w)
-        most, rule = len(state.rows) + room, rule_of("baarda", self.alpha)
+        size, rule = np.abs(state.w), rule_of("baarda", self.alpha)
+        most = len(state.rows) + self.most - len(out)
         steps = step_by_step(state, rule, suspects, most, Watch(), together=False)
         for number, step in enumerate(steps):
             statistic, limit = step.statistic or 0.0, step.critical or 0.0
@@ -281,30 +351,41 @@ class _Sweeps:
                     return
             yield step
 
-    def _exchanged(self, given: RowsGiven, out: frozenset[int]) -> _Changes | None:
-        """Search for the best set of every place; None where all have it."""
+    def _exchanged(self, given: RowsGiven, out: frozenset[int]) -> _Changes:
+        """Search for the best set of every place."""
+        changes, cost = self._changes(given.vtpv, out, exchange=True), self.critical**2
         if not (self.best and out):
-            return None
-        changes, cost = self._changes(given, out, exchange=True), self.critical**2
+            return changes
         rows = np.array(sorted(out), dtype=np.intp)
-        for place in given.places(np.unique(given.places_of(rows))):
-            state = _begun(place, out)
-            if _nothing_better(place.system, state.rows, self.critical):
-                continue
-            mine, suspects = state.rows, self.suspects[place.rows]
-            most = len(mine) + self.most - len(changes.out)
-            other, _ = search(place.system, self.critical, suspects, most, Watch(), mine)
-            less = state.vtpv - other.vtpv + cost * (len(mine) - len(other.rows))
-            if less <= EQUAL * max(1.0, place.system.vtpv):
-                continue
-            for row in (*mine, *other.rows):
-                if (row in mine) != (row in other.rows):
-                    before = state.vtpv
-                    (state.drop if row in mine else state.add)(row)
-                    action: Literal["add", "drop"] = "drop" if row in mine else "add"
-                    step = SearchStep(action, (row,), None, None, before, state.vtpv)
-                    changes.add(step, place.rows)
-        return changes if changes.steps else None
+        numbers = np.unique(given.places_of(rows))
+        for places in given.places(numbers):
+            for at in range(len(places.numbers)):
+                self._exchange(places.place(at), out, changes, cost)
+        return changes
+
+    def _exchange(self, place: Place, out: frozenset[int], changes: _Changes, cost: float) -> None:
+        """Exchange the rows of a place that are out for better ones, where there are any."""
+        mine = tuple(i for i, row in enumerate(place.rows.tolist()) if row in out)
+        if nothing_better(place.system, mine, self.critical):
+            return
+        most = len(mine) + self.most - len(changes.out)
+        suspects = self.suspects[place.rows]
+        other, _ = search(place.system, self.critical, suspects, most, Watch(), mine)
+        state = _begun(place, out)
+        less = state.vtpv - other.vtpv + cost * (len(mine) - len(other.rows))
+        if less > EQUAL * max(1.0, place.system.vtpv):
+            for step in _exchange(state, mine, other.rows):
+                changes.add(step, place.rows)
+
+    def _standing(self, given: RowsGiven, out: Index, changing: Index) -> frozenset[int]:
+        """Return the rows that are out of places where nothing changes, but on the way to others.
+
+        Of rows that are hard to tell apart the same stay out as in the pass before.
+        """
+        if self.draft:
+            return frozenset()
+        places = given.places_of(out)
+        return frozenset(out[~np.isin(places, given.places_of(changing))].tolist())
 
 
 class _Changes:
@@ -350,30 +431,6 @@ class _Changes:
         self.steps.append(step)
 
 
-class _Doubts:
-    """What conspicuous rows elsewhere leave in doubt of the w of a place.
-
-    Parameters
-    ----------
-    top
-        (k,) largest w of every place that may still be rejected.
-    reach
-        (k,) g of every place.
-    touching
-        (k, k) which of them touch.
-    """
-
-    def __init__(self, top: Array, reach: Array, touching: csr_array) -> None:
-        self._top, self._reach, self._touching = top, reach, touching
-        self._carried = reach * top
-
-    def of(self, k: int, size: float) -> float:
-        """Return the doubt of a w in place k of this size, by those that are larger."""
-        others = self._touching.indices[self._touching.indptr[k] : self._touching.indptr[k + 1]]
-        larger = others[self._top[others] > size]
-        return float(self._reach[k] * self._carried[larger].sum())
-
-
 def _begun(place: Place, out: frozenset[int]) -> Elimination:
     """Return a place without those of its rows that are out."""
     state = Elimination(place.system)
@@ -383,10 +440,33 @@ def _begun(place: Place, out: frozenset[int]) -> Elimination:
     return state
 
 
-def _reach(place: Place) -> float:
-    """Return the largest g of the rows of a place that can be rejected by themselves."""
-    good = place.system.r >= WEAK
-    return float(np.max(place.lever[good] / np.sqrt(place.system.r[good]), initial=0.0))
+def _exchange(state: Elimination, rows: Sequence[int], instead: Sequence[int]) -> list[SearchStep]:
+    """Exchange the rows that are out for others, and return the steps."""
+    steps = []
+    for row in (*rows, *instead):
+        if (row in rows) != (row in instead):
+            before = state.vtpv
+            action: Literal["add", "drop"] = "drop" if row in rows else "add"
+            (state.drop if row in rows else state.add)(row)
+            steps.append(SearchStep(action, (row,), None, None, before, state.vtpv))
+    return steps
+
+
+def _to_stand(place: Place, stands: frozenset[int], steps: list[SearchStep]) -> list[SearchStep]:
+    """Return the exchange of what these steps reject in a place for what is to be out."""
+    mine = tuple(i for i, row in enumerate(place.rows.tolist()) if row in stands)
+    if all(step.action == "reject" for step in steps) and {
+        row for step in steps for row in step.rows
+    } == set(mine):
+        return []
+    state = Elimination(place.system)
+    for step in steps:
+        for row in step.rows:
+            (state.drop if step.action == "drop" else state.add)(row)
+    try:
+        return _exchange(state, state.rows, mine)
+    except NotSeparableError:
+        return []
 
 
 def _rival(place: Place, size: Array, step: SearchStep) -> float:
@@ -394,28 +474,6 @@ def _rival(place: Place, size: Array, step: SearchStep) -> float:
     row, r = step.rows[0], place.system.r
     alike = np.abs(place.system.matrix[row]) >= HARD_TO_TELL * np.sqrt(r * r[row])
     return float(np.max(np.nan_to_num(np.where(alike, 0.0, size)), initial=0.0))
-
-
-def _nothing_better(system: DenseResiduals, rows: Sequence[int], critical: float) -> bool:
-    """Whether one row explains a place better than any other one, and than any two.
-
-    Where all that more rows could explain is less than the cost of one, or no pair explains so much
-    more.
-    """
-    if len(rows) != 1:
-        return False
-    e, r, row = system.e, system.r, rows[0]
-    good = r >= TESTABLE
-    gain = np.zeros(len(e))
-    gain[good] = e[good] ** 2 / r[good]
-    if gain[row] < gain.max():
-        return False
-    a, b = np.triu_indices(len(e), 1)
-    c = system.matrix[a, b]
-    determinant = r[a] * r[b] - c * c
-    both = determinant > 1e-6 * r[a] * r[b]
-    pair = (e[a] ** 2 * r[b] - 2.0 * e[a] * e[b] * c + e[b] ** 2 * r[a])[both] / determinant[both]
-    return bool(np.max(pair, initial=0.0) - gain[row] < critical**2)
 
 
 def standardized(given: RowsGiven, out: Collection[int]) -> Array:

@@ -162,7 +162,8 @@ def _retraced(
     rows = np.array(end.rows, dtype=np.intp)
     found: dict[int, Rejection[Hashable]] = {}
     alike: dict[int, list[HardToTell]] = {}
-    for place in end.given.places(np.unique(end.given.places_of(rows))):
+    of_rows = end.given.places(np.unique(end.given.places_of(rows)))
+    for place in (places.place(k) for places in of_rows for k in range(len(places.numbers))):
         before = Elimination(place.system)
         mine = [(i, row) for i, row in enumerate(place.rows.tolist()) if row in out]
         for i, row in sorted(mine, key=lambda one: (last[one[1]][0], one[0])):

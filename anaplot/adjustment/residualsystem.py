@@ -112,7 +112,7 @@ class Reweightable(Protocol):
 class DenseResiduals:
     """A residual system that holds all of R; see `ResidualSystem` and `Designed`."""
 
-    names: tuple[Hashable, ...]
+    names: Sequence[Hashable]
     e: Array
     r: Array
     vtpv: float

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 from collections.abc import Iterable
 from dataclasses import replace
@@ -160,8 +161,6 @@ def image_points_identity(folder: Path) -> str | None:
 
 
 def _digest(data: bytes) -> str:
-    import hashlib  # nearly as long to load as what reads a block
-
     return hashlib.sha256(data).hexdigest()
 
 

@@ -53,7 +53,6 @@ class Accident(NamedTuple):
     first: str = ""
 
 
-@remembered
 def accidents(state: SessionState, known: Transfer) -> tuple[Accident, ...]:
     """Return what is wrong with points of the model in work, and with ties of its strip.
 

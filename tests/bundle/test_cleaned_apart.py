@@ -63,6 +63,13 @@ def scenes():
     }
 
 
+def each_of(given, numbers):
+    """The places one by one."""
+    return [
+        places.place(at) for places in given.places(numbers) for at in range(len(places.numbers))
+    ]
+
+
 def system_of(scene, **options):
     problem = make_problem(scene.block, **options)
     state = scene.start(problem)
@@ -104,7 +111,7 @@ def test_without_rows_is_what_an_elimination_of_all_columns_has(kind: str) -> No
     assert np.all(draft.r[good] >= state.r[good] - 1e-9)
     # a place with all its rows in: those out elsewhere are
     numbers = np.unique(exact.places_of(np.array([*out, *rows[:40].tolist()])))
-    for place in exact.places(numbers):
+    for place in each_of(exact, numbers):
         there = Elimination(system)
         for row in set(out).difference(place.rows.tolist()):
             there.add(row)
@@ -118,7 +125,7 @@ def test_without_rows_is_what_an_elimination_of_all_columns_has(kind: str) -> No
 def test_no_element_between_places_is_beyond_its_bound(kind: str) -> None:
     system, block, structure = system_of(scenes()[kind])
     given = BlockParts(system, block.state, structure).drafted([])
-    places = given.places(np.unique(given.places_of(np.arange(len(system.e)))))
+    places = each_of(given, np.unique(given.places_of(np.arange(len(system.e)))))
     assert sum(len(place.rows) for place in places) == len(system.e)
     lever, number = np.zeros(len(system.e)), np.zeros(len(system.e))
     for k, place in enumerate(places):
@@ -232,3 +239,43 @@ def test_what_conditions_tie_together_is_cleaned_as_one(monkeypatch) -> None:
     assert isinstance(subject.apart(system, place), BlockParts)
     monkeypatch.setattr(blockrows, "can_be_parted", lambda problem: False)
     assert subject.apart(system, place) is None
+
+
+def mismatched(scene, seed: int, count: int):
+    """The scene with rays to something else, half a millimetre to five away in the image."""
+    rng = np.random.default_rng(seed)
+    rows = list(scene.block.image_points)
+    for k in rng.choice(len(rows), count, replace=False).tolist():
+        off, toward = rng.uniform(0.5, 5.0), rng.uniform(0.0, 2.0 * np.pi)
+        x, y = rows[k].x + off * np.cos(toward), rows[k].y + off * np.sin(toward)
+        rows[k] = replace(rows[k], x=float(x), y=float(y))
+    return scene.with_rows(rows)
+
+
+@pytest.mark.parametrize("strategy", ["baarda", "search"])
+@pytest.mark.parametrize(("seed", "count"), [(1, 6), (4, 9)])
+def test_sweeps_begin_without_what_is_far_off(
+    monkeypatch, strategy: str, seed: int, count: int
+) -> None:
+    scene = aerial(3, 6, per_base=3, control_sigma=0.05, noise_um=5.0, seed=seed)
+    scene = mismatched(scene, seed, count)
+    problem = make_problem(scene.block)
+    block = adjust_bundle(problem, scene.start(problem))
+    assert block.sigma0 > 4.0
+    settings = SearchSettings(alpha=0.001)
+    one = block_gross_errors(block, strategy, settings)
+    monkeypatch.setattr(blockrows, "MOST_ROWS_AS_ONE", 0)
+    told: list[str] = []
+    watch = Watch(lambda what, fraction: told.append(what))
+    apart = block_gross_errors(block, strategy, settings, watch=watch)
+    assert set(apart.findings.rows) == set(one.findings.rows)
+    assert len(apart.findings.rows) >= count
+    errors = {row.name: row for row in one.rejected}
+    for row in apart.rejected:
+        assert row.error == pytest.approx(errors[row.name].error, rel=1e-6)
+        # each has a step of its own in the last pass
+        assert row.statistic is not None
+    begun = next(what for what in told if what.startswith("sweep 1, "))
+    assert int(begun.split()[2]) >= count
+    # the last pass begins and ends with what the one before has rejected
+    assert [what for what in told if what.startswith("sweep")][-1].startswith("sweep 1, ")

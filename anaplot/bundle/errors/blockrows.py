@@ -144,7 +144,8 @@ class BlockRows:
         """Return how it is seen without some rows, of a block too large to be cleaned as one."""
         if len(system.e) <= MOST_ROWS_AS_ONE or not can_be_parted(self.problem):
             return None
-        return BlockParts(system, at.state, self.structure, at.cofactors)
+        reduced = None if at.found is None else at.found.normal.problem
+        return BlockParts(system, at.state, self.structure, reduced, lambda: at.cofactors)
 
     def astray(self, error: NotComputableError) -> bool:
         """Whether there was no minimum to be found."""

@@ -292,18 +292,20 @@ def _best_end(
     problem, structure = subject.problem, subject.structure
     attempts = Attempts(cleaning)
     reduced, state = first.problem, first.state
-    here = BlockPlace(state, None)
+    here, robust = BlockPlace(state, None), BlockPlace(state, None)
     if first.sigma0 is not None and first.sigma0 > _TORN:
         start = first.state if first.robust is None else first.robust
         with suppress(np.linalg.LinAlgError):
             least = minimum_without_misfits(problem, structure, start)
             if least is None:
                 state = robust_state(problem, structure, start).state
+                robust = BlockPlace(state, None)
             else:
                 reduced, state = least[0], least[1].state
+                robust = BlockPlace(state, least[1])
             if cleaning.by_apriori:
                 _check_scale_at(subject, state, first, cleaning.settings.alpha)
-            attempts.begin(BlockPlace(state, None), None, held)
+            attempts.begin(robust, None, held)
     # a torn minimum is only gone on from where nothing better has come to an end
     torn = _TORN**2 * max(problem.redundancy, 1)
     if not any(end.settled and end.score <= torn for end in attempts.ends):

@@ -6,11 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from anaplot.bundle.solve.observations import GROUND_KINDS, ORIENTATION, ObservationName
+from anaplot.aliases import Index
+from anaplot.bundle.solve.observations import (
+    GROUND_KINDS,
+    ORIENTATION,
+    ObservationName,
+    Observations,
+)
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.residuals import BlockResiduals
 
-__all__ = ["missing", "with_rows_of", "without"]
+__all__ = ["missing", "rows_missing", "with_rows_of", "without"]
 
 
 def without(system: BlockResiduals, rows: frozenset[int]) -> Problem:
@@ -74,6 +80,14 @@ def missing(problem: Problem, reduced: Problem) -> tuple[ObservationName, ...]:
         rows = problem.conditions.rows
         names += [("condition", *rows[k]) for k in np.flatnonzero(gone).tolist()]
     return tuple(names)
+
+
+def rows_missing(rows: Observations, reduced: Problem) -> Index:
+    """Return which rows of a bundle a smaller one of the same rays lacks, without conditions."""
+    image = reduced.newly_rejected.ravel() & ~rows.problem.newly_rejected.ravel()
+    ground = np.isnan(reduced.ground_sigma[tuple(rows.ground.T)])
+    priors = np.isnan(reduced.prior_sigma[tuple(rows.priors.T)])
+    return np.flatnonzero(np.concatenate((image, ground, priors)))
 
 
 def with_rows_of(problem: Problem, other: Problem) -> Problem:

@@ -15,15 +15,16 @@ both (Cauchy and Schwarz). Its root is the lever.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import cached_property
 
 import numpy as np
 from scipy.sparse import csr_array
 
-from anaplot.adjustment.apart import Place
-from anaplot.adjustment.residualsystem import DenseResiduals
-from anaplot.aliases import Array, Index
-from anaplot.bundle.errors.leftout import without
+from anaplot.adjustment.doubts import Touching
+from anaplot.adjustment.places import Places, inverse_among
+from anaplot.aliases import Array, Bools, Index
+from anaplot.bundle.errors.leftout import rows_missing, without
 from anaplot.bundle.errors.rowcoupling import RowCoupling
 from anaplot.bundle.solve.datum import anchor
 from anaplot.bundle.solve.imaging import BlockState
@@ -53,8 +54,10 @@ class BlockParts:
         All rows, linearised somewhere.
     state, structure
         Where that is, and the structure of its equations.
+    reduced
+        The bundle without some of the rows for which that was found; None: it was given.
     known
-        Cofactors there without some of the rows; None: there are none yet.
+        Returns the cofactors there without them.
     """
 
     def __init__(
@@ -62,10 +65,20 @@ class BlockParts:
         system: BlockResiduals,
         state: BlockState,
         structure: Structure,
-        known: Cofactors | None = None,
+        reduced: Problem | None = None,
+        known: Callable[[], Cofactors | None] = lambda: None,
     ) -> None:
         self._system, self._state, self._structure = system, state, structure
-        self._known = known
+        self._reduced, self._known = reduced, known
+        # of all drafts the same: their places have all rows in
+        self._reach = np.full(len(system.problem.points) + len(system.problem.photos), np.nan)
+
+    @cached_property
+    def begun(self) -> tuple[int, ...]:
+        """Rows without which the state was found."""
+        if self._reduced is None:
+            return ()
+        return tuple(rows_missing(self._system.rows, self._reduced).tolist())
 
     def adjusted(self, out: Sequence[int]) -> BlockWithout:
         """Return all rows, adjusted anew without some.
@@ -78,8 +91,10 @@ class BlockParts:
         if not len(out):
             return self.drafted(out)
         problem = without(self._system, frozenset(out))
-        if self._known is not None and _same_rows(problem, self._known.normal.problem):
-            return _Adjusted(self._system, self._known, out)
+        if self._reduced is not None and _same_rows(problem, self._reduced):
+            known = self._known()
+            if known is not None:
+                return _Adjusted(self._system, known, out)
         weights = anchor(problem, self._state).weights if problem.defect else None
         linear = linearise(problem, self._state)
         normal = NormalEquations(problem, self._structure, linear, 0.0, weights)
@@ -87,7 +102,7 @@ class BlockParts:
 
     def drafted(self, out: Sequence[int]) -> BlockWithout:
         """Return all rows: misclosures as `adjusted`, redundancy numbers by the place alone."""
-        return _Drafted(self._system, self._system.cofactors, out)
+        return _Drafted(self._system, self._system.cofactors, out, self._reach)
 
 
 class BlockWithout:
@@ -122,8 +137,8 @@ class BlockWithout:
         place[mine] = len(problem.points) + self._system.rows.priors[rows[mine] - second, 0]
         return place
 
-    def touching(self, numbers: Index) -> csr_array:
-        """Return (k, k) which of k places have photos in common.
+    def touching(self, numbers: Index) -> Touching:
+        """Return which photos k places have.
 
         One with control or priors touches every other one: it carries far.
         """
@@ -139,40 +154,36 @@ class BlockWithout:
         seen = csr_array((np.ones(len(row)), (row, column)), shape=(len(numbers), count))
         stated = ~mine
         stated[mine] = np.isin(numbers[mine], self._system.rows.ground[:, 1])
-        far = csr_array(stated[:, None].astype(float))
-        every = csr_array(np.ones((1, len(numbers))))
-        both = csr_array(seen @ seen.T + far @ every + (far @ every).T)
-        both.setdiag(0.0)
-        both.eliminate_zeros()
-        return both
+        return Touching(seen, stated)
 
-    def places(self, numbers: Index) -> list[Place]:
-        """Return places by their numbers."""
-        found: dict[int, Place] = {}
+    def reach(self, numbers: Index) -> Array:
+        """Return (k,) the `Places.reach` of places."""
+        out = np.zeros(len(numbers))
+        for places in self.places(numbers):
+            out[np.searchsorted(numbers, places.numbers)] = places.reach
+        return out
+
+    def places(self, numbers: Index) -> Iterator[Places]:
+        """Yield places by their numbers, those of as many rows together."""
+        names, redundancy = self._system.names, self._system.redundancy
         for mine, rows, g, by_photos in self._laid(np.asarray(numbers)):
-            for k, number in enumerate(mine.tolist()):
-                found[number] = self._place(rows[k], g[k], by_photos[k])
-        return [found[number] for number in np.asarray(numbers).tolist()]
+            matrix, e, more = self._with_all(rows, g)
+            off = self._off(rows)
+            matrix[off[:, :, None] | off[:, None, :]] = 0.0
+            r = np.clip(np.einsum("cii->ci", matrix), 0.0, 1.0)
+            lever = np.sqrt(np.maximum(by_photos, 0.0))
+            yield Places(mine, rows, e, r, matrix, lever, self.vtpv + more, redundancy, names)
 
-    def _place(self, rows: Index, g: Array, by_photos: Array) -> Place:
-        matrix, e, more = self._with_all(rows, g)
-        off = self._off(rows)
-        matrix[off], matrix[:, off] = 0.0, 0.0
-        r = np.clip(np.diag(matrix), 0.0, 1.0)
-        order = np.argsort(rows)
-        rows, e, r, matrix = rows[order], e[order], r[order], matrix[np.ix_(order, order)]
-        names = tuple(map(self._system.names.__getitem__, rows.tolist()))
-        vtpv = self.vtpv + more
-        system = DenseResiduals(names, e, r, vtpv, self._system.redundancy, matrix)
-        return Place(rows, system, np.sqrt(np.maximum(by_photos[order], 0.0)))
+    def _with_all(self, rows: Index, g: Array) -> tuple[Array, Array, Array]:
+        """R and e of places when all their rows come back, and what v'Pv rises by.
 
-    def _with_all(self, rows: Index, g: Array) -> tuple[Array, Array, float]:
-        """R and e of a place when all its rows come back, and what v'Pv rises by."""
+        (c, k, k), (c, k) and (c,) of (c, k) rows and (c, k, k) parts of G.
+        """
         raise NotImplementedError
 
-    def _off(self, rows: Index) -> Array:
-        """(k,) image coordinates that are switched off: rows of zeros."""
-        off, out = self._system.problem.off, np.zeros(len(rows), dtype=bool)
+    def _off(self, rows: Index) -> Bools:
+        """(c, k) image coordinates that are switched off: rows of zeros."""
+        off, out = self._system.problem.off, np.zeros(rows.shape, dtype=bool)
         if off is not None:
             image = rows < self._system.rows.image
             out[image] = off.ravel()[rows[image]]
@@ -181,7 +192,7 @@ class BlockWithout:
     def _laid(self, numbers: Index) -> Iterator[tuple[Index, Index, Array, Array]]:
         """Yield places of equal size: their numbers, rows, G, and of its diagonal that by photos.
 
-        (c,), (c, k), (c, k, k) and (c, k).
+        (c,), (c, k) ascending, (c, k, k) and (c, k).
         """
         problem, rows = self._system.problem, self._system.rows
         points = numbers[(numbers >= 0) & (numbers < len(problem.points))]
@@ -274,14 +285,18 @@ class _Adjusted(BlockWithout):
         self.vtpv = float(kept @ kept)
         self.r = self._redundancies()
 
-    def _with_all(self, rows: Index, g: Array) -> tuple[Array, Array, float]:
-        gone, e = self._gone[rows], self.e[rows]
-        if not gone.any():
-            return np.eye(len(rows)) - g, e, 0.0
-        beside = g[:, gone]
-        weight = np.linalg.inv(np.eye(int(gone.sum())) + beside[gone])
-        matrix = np.eye(len(rows)) - g + beside @ weight @ beside.T
-        return matrix, e - beside @ (weight @ e[gone]), float(e[gone] @ weight @ e[gone])
+    def _with_all(self, rows: Index, g: Array) -> tuple[Array, Array, Array]:
+        gone, e, one = self._gone[rows], self.e[rows], np.eye(rows.shape[1])
+        matrix, more = one - g, np.zeros(len(rows))
+        some = gone.any(axis=1)
+        if some.any():
+            gone, g = gone[some], g[some]
+            weight = inverse_among(one + g, gone)
+            taken = np.einsum("cij,cj->ci", weight, np.where(gone, e[some], 0.0))
+            matrix[some] += g @ weight @ g
+            more[some] = np.einsum("ci,ci->c", taken, e[some])
+            e[some] -= np.einsum("cij,cj->ci", g, taken)
+        return matrix, e, more
 
     def _left(self) -> Array:
         """(n,) misclosures after one linear adjustment without what is out, of all rows."""
@@ -320,30 +335,42 @@ class _Drafted(BlockWithout):
     Places hardly touch: with what they are by themselves taken first it takes a few steps.
     """
 
-    def __init__(self, system: BlockResiduals, cofactors: Cofactors, out: Sequence[int]) -> None:
+    def __init__(
+        self, system: BlockResiduals, cofactors: Cofactors, out: Sequence[int], reach: Array
+    ) -> None:
         super().__init__(system, cofactors, out)
+        self._reach = reach
         if not len(out):
             return
         self.e, self.r = self.e.copy(), self.r.copy()
-        blocks: list[tuple[Index, Array]] = []
-        for _, places, g, _ in self._laid(np.unique(self.places_of(self._out))):
-            for rows, own in zip(places, g, strict=True):
-                gone = self._gone[rows]
-                matrix = np.eye(len(rows)) - own
-                inverse = np.linalg.inv(matrix[np.ix_(gone, gone)])
-                taken = np.einsum("ij,jk,ik->i", matrix[:, gone], inverse, matrix[:, gone])
-                self.r[rows] = np.maximum(self.r[rows] - taken, 0.0)
-                self.r[rows[gone]] = 1.0 / np.diag(inverse)
-                blocks.append((np.searchsorted(self._out, rows[gone]), inverse))
+        parts: list[tuple[Index, Index, Array]] = []
+        for _, rows, g, _ in self._laid(np.unique(self.places_of(self._out))):
+            gone, matrix = self._gone[rows], np.eye(rows.shape[1]) - g
+            inverse = inverse_among(matrix, gone)
+            taken = np.einsum("cij,cij->ci", matrix @ inverse, matrix)
+            error = np.where(gone, np.einsum("cii->ci", inverse), 1.0)
+            self.r[rows] = np.where(gone, 1.0 / error, np.maximum(self.r[rows] - taken, 0.0))
+            place, i, j = np.nonzero(gone[:, :, None] & gone[:, None, :])
+            at = np.searchsorted(self._out, rows)
+            parts.append((at[place, i], at[place, j], inverse[place, i, j]))
+        row, column, values = (np.concatenate(part) for part in zip(*parts, strict=True))
         coupling = RowCoupling(system, self._out)
         e = system.e[self._out]
-        z = coupling.solved(e, blocks)
+        count = len(self._out)
+        z = coupling.solved(e, csr_array((values, (row, column)), shape=(count, count)))
         self.e += coupling.beside(z)
         self.e[self._out] = z
         self.vtpv = system.vtpv - float(z @ e)
 
-    def _with_all(self, rows: Index, g: Array) -> tuple[Array, Array, float]:
-        gone, matrix = self._gone[rows], np.eye(len(rows)) - g
-        z = self.e[rows][gone]
-        e = np.where(gone, 0.0, self.e[rows]) + matrix[:, gone] @ z
-        return matrix, e, float(z @ matrix[np.ix_(gone, gone)] @ z)
+    def reach(self, numbers: Index) -> Array:
+        """Return (k,) the `Places.reach` of places, each found once."""
+        missing = numbers[np.isnan(self._reach[numbers])]
+        if len(missing):
+            self._reach[missing] = super().reach(missing)
+        return np.asarray(self._reach[numbers])
+
+    def _with_all(self, rows: Index, g: Array) -> tuple[Array, Array, Array]:
+        gone, matrix, e = self._gone[rows], np.eye(rows.shape[1]) - g, self.e[rows]
+        z = np.where(gone, e, 0.0)
+        back = np.einsum("cij,cj->ci", matrix, z)
+        return matrix, np.where(gone, 0.0, e) + back, np.einsum("ci,ci->c", z, back)

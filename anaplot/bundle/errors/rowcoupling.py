@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from scipy.sparse import csr_array
 
@@ -96,22 +94,17 @@ class RowCoupling:
         found = normal.solve(factor, photos[:, :, None], points[:, :, None], shared[:, None])
         return designed(self._system, *found)[:, 0]
 
-    def solved(self, right: Array, blocks: Sequence[tuple[Index, Array]]) -> Array:
+    def solved(self, right: Array, nearly: csr_array) -> Array:
         """Return (k,) R_SS^-1 right.
 
         Parameters
         ----------
         right
             (k,).
-        blocks
-            Inverses of parts of R_SS that hardly touch, and which rows of S they are.
+        nearly
+            (k, k) inverses of parts of R_SS that hardly touch.
         """
-        count = len(right)
-        row = np.concatenate([np.repeat(at, len(at)) for at, _ in blocks])
-        column = np.concatenate([np.tile(at, len(at)) for at, _ in blocks])
-        values = np.concatenate([inverse.ravel() for _, inverse in blocks])
-        nearly = csr_array((values, (row, column)), shape=(count, count))
-        z, left = np.zeros(count), right.copy()
+        z, left = np.zeros(len(right)), right.copy()
         step = nearly @ left
         along, size = step, float(left @ step)
         enough = _SOLVED * float(np.linalg.norm(right))

@@ -105,7 +105,11 @@ def held_by_noise(problem: Problem, structure: Structure, state: BlockState) -> 
     sigma0 = np.sqrt(linear.vtpv / max(problem.redundancy, 1))
     try:
         found = _weakest(normal, factor, _WEAKEST)
-        by_noise = _by_noise(normal, factor, state, found, float(np.clip(sigma0, 1.0, _MOST)))
+        noise = float(np.clip(sigma0, 1.0, _MOST))
+        # in a firm block the most that it may be is little
+        if np.all(_by_noise(normal, factor, state, found, noise, most=True) <= _NOISE):
+            return None
+        by_noise = _by_noise(normal, factor, state, found, noise)
     except np.linalg.LinAlgError:
         return None
     loose = np.flatnonzero(by_noise > _NOISE)
@@ -253,7 +257,13 @@ def _weakest(normal: NormalEquations, factor: Factor, count: int) -> _Movements:
 
 
 def _by_noise(
-    normal: NormalEquations, factor: Factor, state: BlockState, found: _Movements, noise: float
+    normal: NormalEquations,
+    factor: Factor,
+    state: BlockState,
+    found: _Movements,
+    noise: float,
+    *,
+    most: bool = False,
 ) -> Array:
     """(k,) how much of what resists each movement changes where noise has moved all else.
 
@@ -265,9 +275,12 @@ def _by_noise(
         The movements.
     noise
         Of the measurements, in a-priori sigmas.
+    most
+        Whether no less than that is enough where it is little: nothing is solved for then.
     """
     problem, linear = normal.problem, normal.linear
     resistance = [effect(problem, linear, movement) for movement in found.unknowns]
+    resisted = np.array([max(each.vtpv, np.finfo(float).tiny) for each in resistance])
     changed = np.zeros(len(resistance))
     rng = np.random.default_rng(2)
     for _ in range(_NOISES):
@@ -279,11 +292,13 @@ def _by_noise(
         there = linearise(problem, move(problem, state, moved[0], moved[1], moved[2]))
         for k, movement in enumerate(found.unknowns):
             change = _less(effect(problem, there, movement), resistance[k])
+            if most and change.vtpv <= _NOISE**2 * resisted[k]:
+                changed[k] += change.vtpv
+                continue
             # what the other unknowns take up resists nothing
             right = normal.gradient(change)
             taken = zip(right, _solved(normal, factor, right), strict=True)
             changed[k] += max(change.vtpv - sum(float(np.vdot(a, b)) for a, b in taken), 0.0)
-    resisted = np.array([max(each.vtpv, np.finfo(float).tiny) for each in resistance])
     return np.asarray(np.sqrt(changed / _NOISES / resisted))
 
 

@@ -1,0 +1,232 @@
+"""Places of a large adjustment: rows that touch hardly anything else, many small systems at once.
+
+In most places the rule of `baarda` is plain: the largest w goes, nothing is as large and nothing
+hard to tell apart from it, and what has gone stays out. There it is followed in all places of equal
+size by arrays; where it is not plain, a place is left to the rule itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Sequence
+from typing import NamedTuple, overload
+
+import numpy as np
+
+from anaplot.adjustment.findings import SearchStep
+from anaplot.adjustment.partners import EQUAL, WEAK
+from anaplot.adjustment.reliability import HARD_TO_TELL
+from anaplot.adjustment.residualsystem import DenseResiduals
+from anaplot.adjustment.significance import TESTABLE
+from anaplot.aliases import Array, Bools, Index
+
+__all__ = ["Place", "Places", "inverse_among", "nothing_better", "plainly_rejected"]
+
+
+_SEPARATE = 1e-6  # of their redundancy numbers that two rows leave of each other
+
+
+class Place(NamedTuple):
+    """The rows of a place, as a system in which all of them are in and all others as they are.
+
+    Attributes
+    ----------
+    rows
+        (k,) which rows, ascending.
+    system
+        Of these rows.
+    lever
+        (k,) h: an element of R with a row of another place is no larger than the product of both.
+    """
+
+    rows: Index
+    system: DenseResiduals
+    lever: Array
+
+
+class Places(NamedTuple):
+    """Places with k rows each, see `Place`.
+
+    Attributes
+    ----------
+    numbers
+        (c,) which places.
+    rows, e, r, matrix, lever, vtpv
+        (c, k), (c, k), (c, k), (c, k, k), (c, k) and (c,).
+    redundancy
+        With all rows of a place in.
+    names
+        Of all rows of the adjustment.
+    """
+
+    numbers: Index
+    rows: Index
+    e: Array
+    r: Array
+    matrix: Array
+    lever: Array
+    vtpv: Array
+    redundancy: int
+    names: Sequence[Hashable]
+
+    def place(self, at: int) -> Place:
+        """Return one of them."""
+        system = DenseResiduals(
+            _NamesOf(self.names, self.rows[at]),
+            self.e[at],
+            self.r[at],
+            float(self.vtpv[at]),
+            self.redundancy,
+            self.matrix[at],
+        )
+        return Place(self.rows[at], system, self.lever[at])
+
+    @property
+    def reach(self) -> Array:
+        """(c,) the largest lever over root r of the rows that can be rejected by themselves."""
+        good = self.r >= WEAK
+        root = np.sqrt(np.where(good, self.r, 1.0))
+        return np.asarray(np.max(np.where(good, self.lever / root, 0.0), axis=1, initial=0.0))
+
+
+class _NamesOf(Sequence[Hashable]):
+    """The names of some rows, made when they are asked for."""
+
+    def __init__(self, names: Sequence[Hashable], rows: Index) -> None:
+        self._names, self._rows = names, rows
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    @overload
+    def __getitem__(self, at: int) -> Hashable: ...
+    @overload
+    def __getitem__(self, at: slice) -> list[Hashable]: ...
+    def __getitem__(self, at: int | slice) -> Hashable | list[Hashable]:
+        if isinstance(at, slice):
+            return [self._names[row] for row in self._rows[at].tolist()]
+        return self._names[int(self._rows[at])]
+
+
+def plainly_rejected(
+    places: Places, suspects: Bools, critical: float
+) -> list[list[SearchStep] | None]:
+    """Return the steps by which w-tests reject rows in every place, all being in to begin with.
+
+    Parameters
+    ----------
+    places
+        The places.
+    suspects
+        (c, k) rows that may be rejected.
+    critical
+        Critical value of w.
+
+    Returns
+    -------
+    list
+        Of c; None where a place is not plain: rows as large as the largest, or hard to tell apart
+        from it, weak ones, or such as would come back.
+    """
+    steps: list[list[SearchStep] | None] = [[] for _ in places.numbers]
+    live = np.arange(len(places.numbers))
+    e, matrix, vtpv = places.e.copy(), places.matrix.copy(), places.vtpv.copy()
+    out = np.zeros(e.shape, dtype=bool)
+    while len(live):
+        w, r = _statistics(e, matrix, suspects[live] & ~out)
+        row = np.argmax(w, axis=1)
+        size = w[np.arange(len(live)), row]
+        going = size > critical
+        plain = _stay_out(places, live, out, critical)
+        plain &= ~going | _alone(w, r, matrix, row)
+        for place in live[~plain].tolist():
+            steps[place] = None
+        going &= plain
+        live, e, matrix, out = live[going], e[going], matrix[going], out[going]
+        vtpv, row, size = vtpv[going], row[going], size[going]
+        each = np.arange(len(live))
+        column, own = matrix[each, row], matrix[each, row, row][:, None]
+        along = e[each, row][:, None] / own
+        before, vtpv = vtpv, np.maximum(vtpv - (along * along * own)[:, 0], 0.0)
+        e = e - column * along
+        matrix = matrix - column[:, :, None] * (column / own)[:, None, :]
+        out[each, row] = True
+        told = (live, row, size, before, vtpv)
+        for place, k, one, first, last in zip(*(part.tolist() for part in told), strict=True):
+            mine = steps[place]
+            assert mine is not None
+            mine.append(SearchStep("reject", (k,), one, critical, first, last))
+    return steps
+
+
+def _statistics(e: Array, matrix: Array, allowed: Bools) -> tuple[Array, Array]:
+    """(c, k) abs(w) of what may be rejected, else 0, and redundancy numbers."""
+    r = np.einsum("cii->ci", matrix)
+    good = allowed & (r >= TESTABLE)
+    return np.where(good, np.abs(e) / np.sqrt(np.where(good, r, 1.0)), 0.0), r
+
+
+def _alone(w: Array, r: Array, matrix: Array, row: Index) -> Bools:
+    """(c,) whether nothing else comes into question for the largest w."""
+    each = np.arange(len(row))
+    own = r[each, row]
+    alike = np.abs(matrix[each, row]) >= HARD_TO_TELL * np.sqrt(np.maximum(r * own[:, None], 0.0))
+    alike &= w > 0.0
+    alike |= w >= w[each, row][:, None] * (1.0 - EQUAL)
+    alike[each, row] = False
+    return np.asarray((own >= WEAK) & ~alike.any(axis=1))
+
+
+def _stay_out(places: Places, live: Index, out: Bools, critical: float) -> Bools:
+    """(c,) whether nothing that is out is below its limit."""
+    stays = np.ones(len(live), dtype=bool)
+    several = np.flatnonzero(out.sum(axis=1) > 1)
+    if len(several):
+        mine, gone = live[several], out[several]
+        inverse = inverse_among(places.matrix[mine], gone)
+        error = np.einsum("cij,cj->ci", inverse, np.where(gone, places.e[mine], 0.0))
+        root = np.sqrt(np.where(gone, np.einsum("cii->ci", inverse), 1.0))
+        stays[several] = np.all(~gone | (np.abs(error) >= critical * root), axis=1)
+    return stays
+
+
+def inverse_among(matrix: Array, chosen: Bools) -> Array:
+    """Return (c, k, k) inverses of the parts of matrices that belong to chosen rows, else zeros."""
+    both = chosen[:, :, None] & chosen[:, None, :]
+    part = np.where(both, matrix, 0.0) + np.eye(matrix.shape[1]) * ~chosen[:, None, :]
+    return np.where(both, np.linalg.inv(part), 0.0)
+
+
+def nothing_better(system: DenseResiduals, rows: Sequence[int], critical: float) -> bool:
+    """Whether one or two rows explain a place better than others, and than one more or one less.
+
+    Where all that one more could explain is less than its cost. Of more rows nothing is said.
+    """
+    if len(rows) not in (1, 2):
+        return False
+    cost = critical**2
+    e, r, matrix = system.e, system.r, system.matrix
+    good = r >= TESTABLE
+    single = np.where(good, e**2 / np.where(good, r, 1.0), 0.0)
+    a, b = np.triu_indices(len(e), 1)
+    c = matrix[a, b]
+    determinant = r[a] * r[b] - c * c
+    both = determinant > _SEPARATE * r[a] * r[b]
+    a, b, c, determinant = a[both], b[both], c[both], determinant[both]
+    pair = (e[a] ** 2 * r[b] - 2.0 * e[a] * e[b] * c + e[b] ** 2 * r[a]) / determinant
+    if len(rows) == 1:
+        own = single[rows[0]]
+        return bool(own >= single.max() and np.max(pair, initial=0.0) - own < cost)
+    mine = (a == min(rows)) & (b == max(rows))
+    own = float(pair[mine][0]) if mine.any() else 0.0
+    if not own >= np.max(pair, initial=0.0) or own - single.max() <= cost:
+        return False
+    # what a third row explains once two are out
+    x = (e[a] * r[b] - e[b] * c) / determinant
+    y = (e[b] * r[a] - e[a] * c) / determinant
+    left = e - matrix[a] * x[:, None] - matrix[b] * y[:, None]
+    of_a, of_b = matrix[a], matrix[b]
+    taken = of_a**2 * r[b][:, None] - 2.0 * of_a * of_b * c[:, None] + of_b**2 * r[a][:, None]
+    rest = r - taken / determinant[:, None]
+    third = rest > _SEPARATE * r
+    gain = np.where(third, left**2 / np.where(third, rest, 1.0), 0.0).max(axis=1)
+    return bool(np.max(pair + gain) - own < cost)

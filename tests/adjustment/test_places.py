@@ -1,0 +1,127 @@
+"""Many small systems at once: what arrays decide is what the rule decides in each of them."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+import pytest
+from scipy.sparse import csr_array
+
+from anaplot.adjustment.doubts import Doubts, Touching
+from anaplot.adjustment.elimination import Elimination
+from anaplot.adjustment.places import Places, inverse_among, nothing_better, plainly_rejected
+from anaplot.adjustment.significance import critical_normal
+from anaplot.adjustment.stepwise import rule_of, step_by_step
+from anaplot.adjustment.watch import Watch
+
+ALPHA = 0.001
+CRITICAL = critical_normal(ALPHA)
+
+
+def places_of(seed: int, count: int = 60, k: int = 12, unknowns: int = 3) -> Places:
+    """Random designs with noise and up to three errors of any size each."""
+    rng = np.random.default_rng(seed)
+    e, matrix = np.empty((count, k)), np.empty((count, k, k))
+    for at in range(count):
+        design = rng.normal(size=(k, unknowns))
+        if at % 3 == 1:
+            # two rows of one unknown of their own: hard to tell apart
+            own = np.zeros((k, 1))
+            own[:2, 0] = 1.0, rng.normal()
+            design = np.hstack((design, own))
+        q, _ = np.linalg.qr(design)
+        matrix[at] = np.eye(k) - q @ q.T
+        errors = rng.normal(size=k)
+        wrong = rng.choice(k, rng.integers(0, 4), replace=False)
+        errors[wrong] += rng.uniform(-60.0, 60.0, len(wrong))
+        e[at] = matrix[at] @ errors
+    r = np.einsum("cii->ci", matrix).copy()
+    vtpv, rows = 1000.0 + np.einsum("ci,ci->c", e, e), np.arange(count * k).reshape(count, k)
+    names = [("image", f"f{row // 2}", "xy"[row % 2]) for row in range(count * k)]
+    return Places(np.arange(count), rows, e, r, matrix, np.ones((count, k)), vtpv, 500, names)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_plain_places_are_cleaned_as_the_rule_cleans_them(seed: int) -> None:
+    places = places_of(seed)
+    suspects = np.random.default_rng(seed + 9).random(places.e.shape) < 0.95
+    found = plainly_rejected(places, suspects, CRITICAL)
+    assert sum(steps is not None for steps in found) > 25
+    assert sum(steps is None for steps in found) > 3
+    assert max(len(steps) for steps in found if steps is not None) > 1
+    for at, steps in enumerate(found):
+        if steps is None:
+            continue
+        state = Elimination(places.place(at).system)
+        rule = rule_of("baarda", ALPHA)
+        wanted = list(step_by_step(state, rule, suspects[at], 12, Watch(), together=False))
+        assert [step.rows for step in steps] == [step.rows for step in wanted]
+        for mine, its in zip(steps, wanted, strict=True):
+            assert mine.action == its.action
+            assert mine[2:] == pytest.approx(its[2:], rel=1e-9)
+
+
+def test_inverses_among_chosen_rows_are_those_of_the_parts() -> None:
+    places = places_of(1, count=9)
+    chosen = np.random.default_rng(3).random(places.e.shape) < 0.3
+    chosen[4] = False
+    found = inverse_among(places.matrix, chosen)
+    for at in range(9):
+        mine = np.flatnonzero(chosen[at])
+        part = np.linalg.inv(places.matrix[at][np.ix_(mine, mine)])
+        assert found[at][np.ix_(mine, mine)] == pytest.approx(part, rel=1e-9)
+        assert np.count_nonzero(found[at]) == np.count_nonzero(part)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_nothing_is_better_where_no_set_of_one_more_or_less_is(seed: int) -> None:
+    places, cost = places_of(seed, count=40, k=9), CRITICAL**2
+    said = {True: 0, False: 0}
+    for at in range(40):
+        system = places.place(at).system
+        values: dict[tuple[int, ...], float] = {(): system.vtpv}
+        for size in (1, 2, 3):
+            for rows in combinations(range(9), size):
+                part = system.matrix[np.ix_(rows, rows)]
+                if np.linalg.cond(part) < 1e7:
+                    e = system.e[list(rows)]
+                    values[rows] = system.vtpv - float(e @ np.linalg.solve(part, e))
+        for size in (1, 2):
+            mine = min((rows for rows in values if len(rows) == size), key=values.__getitem__)
+            best = min(
+                values[rows] + cost * (len(rows) - size)
+                for rows in values
+                if 1 <= len(rows) <= size + 1
+            )
+            sure = nothing_better(system, mine, CRITICAL)
+            assert sure == (best >= values[mine] - 1e-9 * system.vtpv)
+            said[sure] += 1
+            other = next(rows for rows in values if len(rows) == size and rows != mine)
+            assert not nothing_better(system, other, CRITICAL)
+        assert not nothing_better(system, (0, 1, 2), CRITICAL)
+    assert min(said.values()) > 5
+
+
+def test_doubts_are_the_bounds_of_larger_places_that_share_a_photo() -> None:
+    rng = np.random.default_rng(5)
+    k, photos = 50, 9
+    seen = rng.random((k, photos)) < 0.3
+    far = rng.random(k) < 0.05
+    top, reach = rng.uniform(3.0, 60.0, k), rng.uniform(0.1, 0.5, k)
+    top[rng.random(k) < 0.1] = 0.0
+    doubts = Doubts(top, reach, Touching(csr_array(seen.astype(float)), far))
+    blocks = doubts.blocks(CRITICAL, 0.1)
+    for i in range(k):
+        for size in (top[i], top[i] / 2.0, 0.0):
+            wanted = sum(
+                reach[i] * reach[j] * top[j]
+                for j in range(k)
+                if j != i and top[j] > size and (far[i] or far[j] or (seen[i] & seen[j]).any())
+            )
+            assert doubts.of(i, size) == pytest.approx(wanted, abs=1e-12)
+        mine = doubts.of(i, top[i])
+        if blocks[i]:
+            assert mine > 0.1
+            assert top[i] - CRITICAL <= mine
+    assert 5 < blocks[top > 0.0].sum() < k
