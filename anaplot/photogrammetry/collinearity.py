@@ -14,6 +14,8 @@ from anaplot.aliases import Array
 
 __all__ = ["Projection", "Projections", "project", "project_with_derivatives", "turns"]
 
+_AT_ONCE = 8192  # rays whose components stay at hand while they are used
+
 
 class Projection(NamedTuple):
     """Image coordinates of points.
@@ -92,27 +94,28 @@ def project_with_derivatives(
     The rotation's derivatives refer to R -> (I + [d x]) R, d about the ground axes; with
     D = X - X0 and J = d(x, y)/dX they are J x D.
     """
-    away = points - centres
-    u = np.matmul(away[:, None, :], rotations)[:, 0, :]
-    n = len(u)
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        factor = -c / u[:, 2]
-        xy = factor[:, None] * u[:, :2]
-        slope = -xy / u[:, 2:]
-    photo = np.empty((n, 2, 6))
-    j = np.empty((n, 2, 3))
-    for row in range(2):
-        for axis in range(3):
-            j[:, row, axis] = (
-                factor * rotations[:, axis, row] + slope[:, row] * rotations[:, axis, 2]
-            )
-        jr = j[:, row]
-        photo[:, row, 3] = jr[:, 1] * away[:, 2] - jr[:, 2] * away[:, 1]
-        photo[:, row, 4] = jr[:, 2] * away[:, 0] - jr[:, 0] * away[:, 2]
-        photo[:, row, 5] = jr[:, 0] * away[:, 1] - jr[:, 1] * away[:, 0]
-    np.negative(j, out=photo[:, :, :3])
-    # d(x, y)/dX projects along the ray, so J (X - X0) = 0: J x D needs no other term
-    return Projections(xy, -u[:, 2], photo, j)
+    n = len(points)
+    xy, depth = np.empty((n, 2)), np.empty(n)
+    photo, j = np.empty((n, 2, 6)), np.empty((n, 2, 3))
+    for first in range(0, n, _AT_ONCE):
+        k = slice(first, first + _AT_ONCE)
+        away = np.ascontiguousarray((points[k] - centres[k]).T)
+        axes = np.ascontiguousarray(rotations[k].transpose(1, 2, 0))
+        u = np.einsum("ik,ijk->jk", away, axes)
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            factor = -c[k] / u[2]
+            at = factor * u[:2]
+            slope = -at / u[2]
+        xy[k], depth[k] = at.T, -u[2]
+        for row in range(2):
+            jr = factor * axes[:, row] + slope[row] * axes[:, 2]
+            j[k, row] = jr.T
+            photo[k, row, :3] = -jr.T
+            # d(x, y)/dX projects along the ray, so J (X - X0) = 0: J x D needs no other term
+            photo[k, row, 3] = jr[1] * away[2] - jr[2] * away[1]
+            photo[k, row, 4] = jr[2] * away[0] - jr[0] * away[2]
+            photo[k, row, 5] = jr[0] * away[1] - jr[1] * away[0]
+    return Projections(xy, depth, photo, j)
 
 
 def turns(vectors: Array) -> Array:

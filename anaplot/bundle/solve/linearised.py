@@ -202,7 +202,7 @@ def point_rows(problem: Problem, state: BlockState) -> tuple[Array, Array]:
 
 
 def _point_rows(problem: Problem, seen: Imaged, weight: Array) -> tuple[Array, Array]:
-    b = seen.point * weight[:, :, None]
+    b = np.multiply(seen.point, weight[:, :, None], out=seen.point)
     if problem.fixed.any():
         b *= ~problem.fixed[problem.point][:, None, :]
     e = (seen.xy - problem.xy) * weight
@@ -227,7 +227,7 @@ def linearise(problem: Problem, state: BlockState) -> Linearised:
         a[:, :, 6:] = white
         h = np.empty((m, 2, 0))
     else:
-        a, h = seen.photo * weight[:, :, None], white
+        a, h = np.multiply(seen.photo, weight[:, :, None], out=seen.photo), white
     b, e = _point_rows(problem, seen, weight)
     if problem.rejected is not None:
         for part in (a, h):

@@ -14,8 +14,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
+from scipy.sparse import csr_matrix
 
 from anaplot.aliases import Array, Index
 from anaplot.bundle.solve.conditionupdate import ConditionUpdate
@@ -29,6 +31,7 @@ from anaplot.bundle.solve.structure import Piece, Structure
 
 __all__ = ["NormalEquations", "PointError"]
 
+_PHOTOS = 500  # whose rays are laid together at a time
 _PORTION = 300_000_000  # bytes of the largest array while right-hand sides are solved for
 
 
@@ -94,13 +97,14 @@ class NormalEquations:
             point_weight = point_weight + linear.given.held_points(point_weight.shape)
         diagonal = np.einsum("nii->ni", own)
         diagonal[:, 6:] += linear.own_weight
-        whole = diagonal + structure.by_photo @ np.einsum("mij,mij->mj", a, a)
-        diagonal += (grow - 1.0 if anchor is None else (1.0 + anchor) * grow - 1.0) * whole
-        without_points = np.empty((m, d, d))
+        if damping or anchor is not None:
+            whole = diagonal + structure.by_photo @ np.einsum("mij,mij->mj", a, a)
+            diagonal += (grow - 1.0 if anchor is None else (1.0 + anchor) * grow - 1.0) * whole
         self.border = np.zeros((n, d, g))
         self.corner = np.zeros((g, g))
         self.corner_scale = np.zeros(g)
         self.z = np.empty((m, d, 3))
+        of_points = np.empty((m, 2, 3))  # B L^-T
         self.inverse_root = np.empty((len(problem.points), 3, 3))
         self.t = np.zeros((len(problem.points), 3, g))
         if g:
@@ -122,18 +126,13 @@ class NormalEquations:
             except PointError as error:
                 raise PointError(error.points + points.start) from None
             self.inverse_root[points] = root
-            scaled = np.matmul(bp.reshape(count, 2 * k, 3), root.transpose(0, 2, 1)).reshape(
-                count * k, 2, 3
-            )
-            z = np.matmul(at[rays], scaled)
-            self.z[rays] = z
-            # A'A - Z Z' of a single ray: a weight that is far too large cancels here
-            left = np.eye(2) - np.matmul(scaled, scaled.transpose(0, 2, 1))
-            without_points[rays] = np.matmul(at[rays], np.matmul(left, a[rays]))
+            scaled = of_points[rays]
+            np.matmul(stacked, root.transpose(0, 2, 1), out=scaled.reshape(count, 2 * k, 3))
+            z = np.matmul(at[rays], scaled, out=self.z[rays])
             if g:
                 self._border_of_points(piece, scaled, z, h, q)
-        own += (structure.by_photo @ without_points.reshape(m, d * d)).reshape(n, d, d)
-        del without_points
+        _add_own(own, a, of_points, structure.by_photo)
+        del of_points
         blocks[structure.pattern.diagonal] = own
         for cluster in structure.clusters:
             cluster.take(blocks, self.z)
@@ -215,15 +214,17 @@ class NormalEquations:
         """`gradient` of the state of the matrix itself."""
         return self.gradient(self.linear)
 
-    def gradient(self, other: Linearised) -> Unknowns:
+    def gradient(self, other: Linearised, rows: Linearised | None = None) -> Unknowns:
         """Right-hand sides -J'e of photos (n, d), points (p, 3) and border (g,).
 
         Parameters
         ----------
         other
             Where the misclosures come from.
+        rows
+            Where the derivatives come from; None: from the state of the matrix itself.
         """
-        problem, mine = self.problem, self.linear
+        problem, mine = self.problem, self.linear if rows is None else rows
         ae = np.einsum("mij,mi->mj", mine.a, other.e)
         photos = -(self.structure.by_photo @ ae)
         photo_e = other.photo_e
@@ -284,6 +285,15 @@ class NormalEquations:
         update = self.update(factor)
         if update is not None:
             out = update.applied(out, e)
+        return out[0][:, :, 0], out[1][:, :, 0], out[2][:, 0]
+
+    def solution(self, factor: Factor, sides: Unknowns) -> Unknowns:
+        """Return the corrections (n, d), (p, 3), (g,) for right-hand sides as `gradient` has them.
+
+        Without what conditions between points ask for.
+        """
+        photos, points, shared = sides
+        out = self._solve(factor, photos[:, :, None], points[:, :, None], shared[:, None])
         return out[0][:, :, 0], out[1][:, :, 0], out[2][:, 0]
 
     def conditions_left(self, factor: Factor) -> Array:
@@ -416,3 +426,22 @@ class NormalEquations:
         if len(shared):
             y -= np.matmul(self.t, s)
         return x, np.matmul(self.inverse_root.transpose(0, 2, 1), y), s
+
+
+def _add_own(own: Array, a: Array, of_points: Array, by_photo: csr_matrix) -> None:
+    """Add to (n, d, d) what its own rays give a photo: the sum of A'A - Z Z' of each.
+
+    As A' (I - S S') A with (m, 2, 3) S = B L^-T: a weight that is far too large cancels in the
+    bracket.
+    """
+    d = own.shape[1]
+    rays, starts = by_photo.indices, by_photo.indptr.tolist()
+    for first in range(0, len(own), _PHOTOS):
+        ends = starts[first : first + _PHOTOS + 1]
+        mine = rays[ends[0] : ends[-1]]
+        s, every = of_points[mine], a[mine]
+        left = np.eye(2) - np.matmul(s, s.transpose(0, 2, 1))
+        reduced, every = np.matmul(left, every).reshape(-1, d), every.reshape(-1, d)
+        for k, (start, end) in enumerate(pairwise(ends), first):
+            photo = slice(2 * (start - ends[0]), 2 * (end - ends[0]))
+            own[k] += every[photo].T @ reduced[photo]

@@ -1,0 +1,105 @@
+"""Steps with the factor of an earlier one lead to the same minimum, or are left alone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bundleblocks import aerial
+from conditionblocks import every_kind, flat_scene
+from gnssblocks import flown
+
+from anaplot.bundle.solve import gaussnewton
+from anaplot.bundle.solve.additional import additional_parameters
+from anaplot.bundle.solve.gaussnewton import Minimum, find_minimum
+from anaplot.bundle.solve.imaging import BlockState
+from anaplot.bundle.solve.normal import NormalEquations
+from anaplot.bundle.solve.problem import Problem, make_problem
+from anaplot.bundle.solve.reliability import compute_cofactors
+from anaplot.bundle.solve.structure import make_structure
+from anaplot.photogrammetry.block import PriorOffsets
+
+CASES: dict[str, dict] = {
+    "control": {"control_sigma": 0.05},
+    "error-free control": {"control_sigma": 0.0},
+    "tilted, with priors": {"control_sigma": 0.1, "priors": True, "tilt": 0.4},
+    "free": {"control_sigma": 0.05},
+    "minimal": {"control_sigma": 0.05},
+    "self-calibration": {"control_sigma": 0.05, "per_base": 2},
+    "a lens a photo": {"control_sigma": 0.05, "priors": True},
+    "gross errors": {"control_sigma": 0.05},
+    "offsets": {},
+}
+ADDITIONAL = {"self-calibration": ("ebner", 10.0), "a lens a photo": ("physical:photo", 5.0)}
+
+
+def case_of(name: str) -> tuple[Problem, BlockState]:
+    """A bundle, and approximate values some way from its minimum."""
+    if name == "offsets":
+        scene = flown(PriorOffsets(shift="strip", drift="strip", boresight="block")).scene
+    else:
+        scene = aerial(2, 5, **{"per_base": 1, "noise_um": 5.0, **CASES[name]})
+    if name == "gross errors":
+        rows = scene.block.image_points
+        moved = [replace(row, x=row.x + 0.5 * (k % 40 == 7)) for k, row in enumerate(rows)]
+        scene = scene.with_rows(moved)
+    extra = ADDITIONAL.get(name)
+    problem = make_problem(
+        scene.block,
+        datum=name if name in ("free", "minimal") else "control",
+        additional=None if extra is None else additional_parameters(*extra),
+    )
+    return problem, scene.start(problem, np.random.default_rng(2), 3.0, 0.01)
+
+
+def found_with(monkeypatch, case, close: float, nearer: float) -> tuple[Minimum, int]:
+    """The minimum, and how many equations were made for it."""
+    problem, start = case
+    made = 0
+    make = NormalEquations.__init__
+
+    def counted(self, *args, **options) -> None:
+        nonlocal made
+        made += 1
+        make(self, *args, **options)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(gaussnewton, "_CLOSE", close)
+        patched.setattr(gaussnewton, "_NEARER", nearer)
+        patched.setattr(NormalEquations, "__init__", counted)
+        return find_minimum(problem, start, make_structure(problem, start.centres)), made
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_minimum_is_the_same_with_fewer_factors(monkeypatch, name: str) -> None:
+    case = case_of(name)
+    every, made = found_with(monkeypatch, case, -1.0, 0.0)  # no factor serves twice
+    found, fewer = found_with(monkeypatch, case, gaussnewton._CLOSE, gaussnewton._NEARER)
+    anyhow, _ = found_with(monkeypatch, case, np.inf, np.inf)  # also factors from far away
+    assert fewer < made
+    for one in (found, anyhow):
+        for kind in ("centres", "rotations", "points", "own", "shared"):
+            mine, other = getattr(one.state, kind), getattr(every.state, kind)
+            np.testing.assert_allclose(mine, other, rtol=1e-9, atol=2e-8)
+        np.testing.assert_allclose(one.normal.linear.e, every.normal.linear.e, atol=1e-7)
+        q, other = (compute_cofactors(of.normal, of.factor) for of in (one, every))
+        np.testing.assert_allclose(q.r, other.r, atol=1e-9)
+        # the equations are those at the minimum itself: their step leads nowhere
+        dx = one.normal.step(one.factor)
+        left = sum(
+            float(np.vdot(side, of)) for side, of in zip(one.normal.own_gradient, dx, strict=True)
+        )
+        assert abs(left) < 1e-14 * case[0].observations
+
+
+def test_conditions_between_points_take_full_steps(monkeypatch) -> None:
+    """What holds exactly has multipliers of the equations where the step begins."""
+    scene = flat_scene()
+    block = replace(scene.block, conditions=tuple(every_kind(scene)))
+    problem = make_problem(block)
+    case = problem, scene.start(problem, np.random.default_rng(2), 0.5, 0.001)
+    every, made = found_with(monkeypatch, case, -1.0, 0.0)
+    found, as_many = found_with(monkeypatch, case, np.inf, np.inf)
+    assert as_many == made
+    np.testing.assert_array_equal(found.state.points, every.state.points)
