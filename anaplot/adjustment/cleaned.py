@@ -69,7 +69,8 @@ class Cleaned(Generic[S, K, R]):
     def rejected(self) -> tuple[Rejection[K], ...]:
         """What is left out, in the order in which it went, in the units of the rows."""
         system = self.system
-        rejected = {one.name: one for one in cast("Sequence[Rejection[K]]", self.findings.rejected)}
+        known = (*self.findings.held, *self.findings.rejected)
+        rejected = {one.name: one for one in cast("Sequence[Rejection[K]]", known)}
         unasked = [name for name in self.out if name not in rejected]
         at = {name: row for row, name in enumerate(self.names)} if unasked else {}
         for name in unasked:

@@ -278,6 +278,8 @@ class Findings:
         Sentences: what limited the strategy.
     weigh
         What makes the remarks of "odds" anew when sets are weighed as well; None: they are.
+    held
+        How rows stand at the end that are out for good, of what was cleaned apart.
     """
 
     strategy: str
@@ -291,6 +293,7 @@ class Findings:
     model_values: ModelValues | None = None
     remarks: tuple[str, ...] = ()
     weigh: Callable[[], tuple[str, ...]] | None = field(default=None, repr=False)
+    held: tuple[Rejection[Hashable], ...] = field(default=(), repr=False)
 
     @property
     def weighed(self) -> Findings:

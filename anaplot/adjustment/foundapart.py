@@ -139,6 +139,19 @@ def _findings(
         at_end=_at_end(end.given, [*end.rows], list(left_out), f - len(end.rows)),
         odds=Odds(spread(single.rows, rows, n), single.none),
         remarks=end.remarks,
+        held=tuple(
+            Rejection(
+                row,
+                system.names[row],
+                0,
+                None,
+                None,
+                float(end.given.e[row]),
+                float(end.given.r[row] ** -0.5),
+                r=float(system.r[row]),
+            )
+            for row in left_out
+        ),
     )
 
 

@@ -11,7 +11,7 @@ alpha. A row that hardly shows its own error is not rejected by itself.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -69,7 +69,9 @@ def search(
     if most < 1:
         return root, []
     descent = _Descent(critical, suspects, most, Proposals(system.names), watch)
-    best, steps = descent.run(root.copy(), ())
+    reached = descent.run(root.copy(), ())
+    assert reached is not None
+    best, steps = reached
     score = _objective(best, critical)
     if not best.rows and not further:
         return best, steps
@@ -79,15 +81,14 @@ def search(
     starts += [(k,) for k in order[1:_STARTS]]
     if most > 1:
         starts += _pairs(root, order[: 4 * _STARTS])
-    seen = {frozenset(best.rows)}
     for number, start in enumerate(starts):
         if watch.stopped:
             break
         watch("searching for the best set", number / len(starts))
-        other, taken = descent.run(root.copy(), start)
-        if frozenset(other.rows) in seen:
+        reached = descent.run(root.copy(), start)
+        if reached is None:
             continue
-        seen.add(frozenset(other.rows))
+        other, taken = reached
         found = _objective(other, critical)
         if found < score - EQUAL * max(1.0, system.vtpv):
             best, steps, score = other, taken, found
@@ -130,9 +131,15 @@ class _Descent:
     most: int
     proposals: Proposals
     watch: Watch
+    met: set[tuple[int, ...]] = field(default_factory=set)
 
-    def run(self, state: Elimination, start: Iterable[int]) -> tuple[Elimination, list[SearchStep]]:
-        """Take the start out, then go on; the objective falls, so that no set comes twice."""
+    def run(
+        self, state: Elimination, start: Iterable[int]
+    ) -> tuple[Elimination, list[SearchStep]] | None:
+        """Take the start out, then go on; the objective falls, so that no set comes twice.
+
+        None where it comes to a set from which it went on before: it would end there again.
+        """
         steps: list[SearchStep] = []
         for first in start:
             if not (state.testable(first) and len(state.rows) < self.most):
@@ -142,6 +149,10 @@ class _Descent:
             if rows and len(state.rows) + len(rows) <= self.most:
                 steps.append(self._do(state, "add", rows))
         for _ in range(_MOST_STEPS):
+            rows = tuple(sorted(state.rows))
+            if rows in self.met:
+                return None
+            self.met.add(rows)
             found = None if self.watch.stopped else self._best(state)
             if found is None:
                 break

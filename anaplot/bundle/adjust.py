@@ -127,7 +127,7 @@ def points_settled(
         except (NotComputableError, np.linalg.LinAlgError):
             continue
     # they are not looked for again
-    return (replace(problem, undetermined=frozenset()) if every.any() else problem), None
+    return (replace(problem, undetermined={}) if every.any() else problem), None
 
 
 def _looked_at_again(

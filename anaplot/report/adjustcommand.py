@@ -368,7 +368,7 @@ def adjust(
         control_pages(adjusted) if control_page else None,
         thinning,
     )
-    flagged = adjusted.any_flagged or len(found.rejected) > 0
+    flagged = adjusted.any_flagged or bool(found.rejected or found.points_left_out)
     flagged = flagged or (agreed is not None and agreed.flagged)
     with all_or_nothing():
         cameras = write_cameras(camera_files, adjusted)
@@ -464,7 +464,7 @@ def find_gross_errors(
     with naming_wrong_photos(measured, _NO_ACCIDENT), watch.searching():
         found = clean_block(problem, errors, partner, pairs=pairs, as_given=as_given, watch=watch)
     document = with_lengths_of(measured, with_journal_notes(errors_document(found), note))
-    return Computed(found, document, len(found.rejected) > 0)
+    return Computed(found, document, bool(found.rejected or found.points))
 
 
 def _document(found: BlockAdjustment, snooping: bool, correlations: float | None) -> Document:

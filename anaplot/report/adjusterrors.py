@@ -180,8 +180,12 @@ def errors_document(cleaned: BlockFindings) -> Document:
         lines = tuple(_rejected_line(row, width, found.strategy) for row in rejected)
         page.append(Listed(lines, MOST_ROWS, "  and {} more"))
         page += change_lines(cleaned.point_change, "on the ground", "m", indent=2)
-    else:
+    elif not cleaned.points:
         page.append(say("  nothing is rejected"))
+    page += _listed(
+        "left out with all rays, which are far apart and too few to tell which of them is wrong",
+        [say("point {}", point) for point in cleaned.points],
+    )
     page += _listed("under a wrong name, it seems", [_misnamed(ray) for ray in cleaned.misnamed])
     page += _listed("rejected on the way, came back", [*map(in_words, cleaned.came_back)])
     page += _listed(
@@ -287,7 +291,10 @@ def _before_and_after(cleaned: BlockFindings) -> list[Block]:
         say("  sigma0 {}; redundancy {}", after, block.redundancy),
         *_listed(
             say("{}; the search began without", cleaned.begun.reason),
-            [in_words(name) for name in cleaned.begun.left_out],
+            [
+                *map(in_words, cleaned.begun.left_out),
+                *(say("point {}", point) for point in cleaned.begun.points),
+            ],
         ),
     ]
 
@@ -405,6 +412,7 @@ def _json(cleaned: BlockFindings) -> Answer:
         "redundancy_before": None if cleaned.first is None else cleaned.first.redundancy,
         "no_solution": cleaned.begun.reason or None,
         "begun_without": [name_json(name) for name in cleaned.begun.left_out],
+        "points_left_out": list(cleaned.points),
         "rejected": [
             {
                 **name_json(row.name),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import cast
@@ -61,7 +61,7 @@ def run_adjust(options: argparse.Namespace) -> int:
         rows = before
         if options.errors is not None:
             rejected = (row.name for row in found.result.rejected)
-            rows = applied(rows, rejected, options.errors)
+            rows = applied(rows, rejected, options.errors, found.result.points_left_out)
         if found.result.thinning is not None:
             rows = thinned_rows(rows, frozenset(found.result.thinning.gone))
         _write(folder, before, rows)
@@ -132,7 +132,10 @@ def _undone(options: argparse.Namespace, output: Output, before: tuple[ImagePoin
 
 
 def applied(
-    rows: Iterable[ImagePoint], rejected: Iterable[ObservationName], strategy: Strategy
+    rows: Iterable[ImagePoint],
+    rejected: Iterable[ObservationName],
+    strategy: Strategy,
+    points: Collection[str] = (),
 ) -> tuple[ImagePoint, ...]:
     """Return rows without the image coordinates that a strategy rejects.
 
@@ -146,14 +149,24 @@ def applied(
         Names of observations; control and priors, which have no rows here, are passed over.
     strategy
         Its name.
+    points
+        Points that it leaves out with all of their rays.
     """
     gone: dict[tuple[str | None, ...], set[str]] = {}
     for kind, *name in rejected:
         if kind == "image":
             *key, axis = name
             gone.setdefault(tuple(key), set()).add(cast("str", axis))
+    every, gone_points = {"x", "y"}, frozenset(points)
     return tuple(
-        _without(row, gone.get((row.photo, row.point, row.model), set()), strategy) for row in rows
+        _without(
+            row,
+            every
+            if row.point in gone_points
+            else gone.get((row.photo, row.point, row.model), set()),
+            strategy,
+        )
+        for row in rows
     )
 
 

@@ -126,3 +126,8 @@ class BlockAdjustment:
         first = self.errors_without_control
         images = () if first is None else first.images.rejected
         return images + (() if self.errors is None else self.errors.rejected)
+
+    @property
+    def points_left_out(self) -> tuple[str, ...]:
+        """Points that the search left out with all of their rays."""
+        return () if self.errors is None else self.errors.points

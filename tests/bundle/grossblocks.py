@@ -46,3 +46,17 @@ def moved(block: Block, point: str, axis: int, by: float) -> Block:
         for c in block.control
     )
     return replace(block, control=control)
+
+
+def mismatched(block: Block, count: int, seed: int) -> tuple[Block, set[tuple[str, str]]]:
+    """The block with rays measured beside any other point of their photo, and which they are."""
+    rng = np.random.default_rng(seed)
+    rows = list(block.image_points)
+    wrong = set()
+    for k in rng.choice(len(rows), count, replace=False).tolist():
+        others = [r for r in block.image_points if r.photo == rows[k].photo and r is not rows[k]]
+        place = others[int(rng.integers(len(others)))]
+        x, y = rng.normal(size=2) * 0.3 + (place.x, place.y)
+        rows[k] = replace(rows[k], x=float(x), y=float(y))
+        wrong.add((rows[k].photo, rows[k].point))
+    return replace(block, image_points=tuple(rows)), wrong

@@ -117,7 +117,7 @@ def test_what_tilted_photos_determine_stays() -> None:
     adjusted = adjust_block(block)
     assert not left(adjusted)
     assert along | across <= {row.point for row in adjusted.point_rows()}
-    assert adjusted.problem.undetermined == frozenset()
+    assert adjusted.problem.undetermined == {}
 
 
 def test_points_that_something_else_holds_are_not_in_doubt() -> None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import dataclass
 from math import sqrt
-from typing import cast
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -36,14 +36,20 @@ from anaplot.bundle.errors.misfits import (
     PartialAdjustment,
     adjust_without_misfits,
     minimum_without_misfits,
+    mismatched,
+    points_gone,
 )
 from anaplot.bundle.errors.misnamed import MisnamedRay, misnamed_rays
 from anaplot.bundle.solve.adjusted import AdjustedBlock
+from anaplot.bundle.solve.gaussnewton import Minimum
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.linearised import counted_misclosures
 from anaplot.bundle.solve.observations import ObservationName
 from anaplot.bundle.solve.problem import Problem, make_problem
+from anaplot.bundle.solve.remade import among_points, without_points
 from anaplot.bundle.solve.residuals import BlockResiduals
+from anaplot.bundle.solve.selection import FAR_APART
+from anaplot.bundle.solve.structure import make_structure
 from anaplot.bundle.start.robust import robust_state
 from anaplot.errors import InputError
 from anaplot.photogrammetry.block import Block
@@ -96,7 +102,13 @@ class BlockFindings(Cleaned[BlockPlace, ObservationName, BlockResiduals]):
     @property
     def first(self) -> AdjustedBlock | None:
         """Adjusted with all observations but those held; None where that has no solution."""
-        return None if self.begun.left_out else self.begun.block
+        return None if self.begun.reason else self.begun.block
+
+    @property
+    def points(self) -> tuple[str, ...]:
+        """Points left out with all rays: far apart, and too few to tell which of them is wrong."""
+        apart = self.block.problem.undetermined or {}
+        return tuple(name for name, why in apart.items() if why == FAR_APART)
 
     @property
     def point_change(self) -> PointChange | None:
@@ -201,10 +213,9 @@ def block_gross_errors(
     else:
         problem = make_problem(block) if isinstance(block, Block) else block
         problem, start = points_settled(problem, progress=watch)
-    every = problem.every
     test = problem.test
     used = SearchSettings(alpha=test.alpha, power=test.power) if settings is None else settings
-    n = every.observations
+    n = problem.every.observations
     for asked, what, most in (
         (used.pairs, "odds over pairs", MOST_ROWS_OF_PAIRS),
         (strategy == "odds", strategy, MOST_ROWS_OF_COLUMNS),
@@ -219,22 +230,29 @@ def block_gross_errors(
         else adjust_without_misfits(problem, start=start, progress=watch)
     )
     first = begun.block
+    if begun.points:
+        problem = without_points(problem, begun.points, FAR_APART)
+    second = _second_place(problem.every, first)
+    if second is not None and second.points:
+        problem = without_points(problem, second.points, FAR_APART)
+    every = problem.every
     held = frozenset[ObservationName]()
     if control_only:
         held = frozenset(missing(every, problem))
     watch = Watch() if watch is None else watch
     # the first adjustment is the minimum without what is held, unless it lacks something else
-    whole = not begun.left_out and not missing(every, problem)
-    complete = not begun.left_out and (control_only or not problem.newly_rejected.any())
+    same = every.points == first.problem.points
+    whole = same and not begun.left_out and not missing(every, problem)
+    complete = same and not begun.left_out and (control_only or not problem.newly_rejected.any())
     subject = BlockRows(
         every,
-        first.cofactors.normal.structure,
+        first.cofactors.normal.structure if same else make_structure(every, first.state.centres),
         watch,
         control_only=control_only,
         first=first if whole else None,
     )
     cleaning = Cleaning(subject, strategy, used, watch, as_given)
-    end = _best_end(cleaning, subject, first, held, complete=complete)
+    end = _best_end(cleaning, subject, first, second, held, complete=complete)
     cleaned, found = first, end.solved.solution.found
     if found is not None:
         # at scale they are known from the last pass
@@ -276,36 +294,67 @@ def _check_scale_at(
         raise scale_error(subject.apriori, scale, float(w.max()) / critical_normal(alpha))
 
 
+class _Second(NamedTuple):
+    """Another place to begin at: what is adjusted there, and points that cannot be linearised.
+
+    Also its minimum, where it is one.
+    """
+
+    problem: Problem
+    state: BlockState
+    found: Minimum | None
+    points: tuple[str, ...]
+
+
+def _second_place(problem: Problem, first: AdjustedBlock) -> _Second | None:
+    """Return a robust place where the first adjustment is torn; None where there is none."""
+    if first.sigma0 is None or first.sigma0 <= _TORN:
+        return None
+    structure = first.cofactors.normal.structure
+    start = first.state if first.robust is None else first.robust
+    try:
+        least = minimum_without_misfits(problem, structure, start)
+        if least is None:
+            there = robust_state(problem, structure, start).state
+            return _Second(first.problem, there, None, ())
+    except np.linalg.LinAlgError:
+        return None
+    return _Second(least[0], least[1].state, least[1], points_gone(problem, least[0]))
+
+
 def _best_end(
     cleaning: Cleaning[BlockPlace, ObservationName, BlockResiduals],
     subject: BlockRows,
     first: AdjustedBlock,
+    second: _Second | None,
     held: _Names,
     *,
     complete: bool,
 ) -> CleaningEnd[BlockPlace, ObservationName, BlockResiduals]:
-    """Search from the first adjustment, and from a robust one where that is torn.
+    """Search from the first adjustment, and from a robust one where there is a second place.
 
     Where no set that is found can be left out, what fits nowhere stays out for good. `held` is
     what stays out; `complete`: the first adjustment lacks nothing else.
     """
-    problem, structure = subject.problem, subject.structure
+    problem = subject.problem
     attempts = Attempts(cleaning)
     reduced, state = first.problem, first.state
-    here, robust = BlockPlace(state, None), BlockPlace(state, None)
-    if first.sigma0 is not None and first.sigma0 > _TORN:
-        start = first.state if first.robust is None else first.robust
-        with suppress(np.linalg.LinAlgError):
-            least = minimum_without_misfits(problem, structure, start)
-            if least is None:
-                state = robust_state(problem, structure, start).state
-                robust = BlockPlace(state, None)
-            else:
-                reduced, state = least[0], least[1].state
-                robust = BlockPlace(state, least[1])
-            if cleaning.by_apriori:
-                _check_scale_at(subject, state, first, cleaning.settings.alpha)
-            attempts.begin(robust, None, held)
+    if problem.points != reduced.points:
+        state = among_points(reduced, problem, state)
+    here = BlockPlace(state, None)
+    place = here
+    if second is not None:
+        reduced, state = second.problem, second.state
+        place = BlockPlace(state, second.found)
+    with suppress(np.linalg.LinAlgError):
+        if second is not None and cleaning.by_apriori:
+            _check_scale_at(subject, state, first, cleaning.settings.alpha)
+        # what was taken for another point's would only hide what is wrong with the others
+        far = mismatched(problem, reduced, state)
+        if far:
+            attempts.begin(place, None, held | far)
+        if second is not None and not attempts.ends:
+            attempts.begin(place, None, held)
     # a torn minimum is only gone on from where nothing better has come to an end
     torn = _TORN**2 * max(problem.redundancy, 1)
     if not any(end.settled and end.score <= torn for end in attempts.ends):
@@ -314,5 +363,5 @@ def _best_end(
     # so many misfits, and residuals that contradict the a-priori sigma: it is wrong, not they
     many = 2 * len(kept_out) > cleaning.settings.room(problem.redundancy)
     if not attempts.ends and kept_out and not (attempts.doubted and many):
-        attempts.begin(BlockPlace(state, None), None, held | kept_out)
+        attempts.begin(place, None, held | kept_out)
     return attempts.best()

@@ -12,25 +12,37 @@ from typing import NamedTuple
 
 import numpy as np
 
-from anaplot.aliases import Array, Progress
+from anaplot.aliases import Array, Bools, Progress
 from anaplot.bundle.adjust import adjust_problem, calibrated, evaluate, points_settled
 from anaplot.bundle.errors.leftout import missing, with_rows_of
 from anaplot.bundle.solve.adjusted import AdjustedBlock
-from anaplot.bundle.solve.datum import check_datum
+from anaplot.bundle.solve.datum import anchor, check_datum
 from anaplot.bundle.solve.gaussnewton import Minimum, NoConvergenceError, find_minimum
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.linearised import counted_misclosures, linearise
+from anaplot.bundle.solve.normal import NormalEquations, PointError
 from anaplot.bundle.solve.observations import ObservationName
 from anaplot.bundle.solve.problem import Problem
+from anaplot.bundle.solve.remade import among_points, without_points
+from anaplot.bundle.solve.selection import FAR_APART
 from anaplot.bundle.solve.structure import Structure, make_structure
+from anaplot.bundle.start.halfrays import by_rays_alone, met_planes
 from anaplot.bundle.start.robust import FarOff, far_off
 from anaplot.errors import NotComputableError
 
-__all__ = ["PartialAdjustment", "adjust_without_misfits", "minimum_without_misfits"]
+__all__ = [
+    "PartialAdjustment",
+    "adjust_without_misfits",
+    "minimum_without_misfits",
+    "mismatched",
+    "points_gone",
+]
 
 
 _ROUNDS = 4
 _ENOUGH = 0.01  # of a point's weakest direction that must be left
+_WIDE = 0.05  # of the principal distance: a ray that misses so far was meant for another point
+_OFF = 10.0  # sigmas by which a coordinate of such a ray is off
 
 
 class PartialAdjustment(NamedTuple):
@@ -39,16 +51,20 @@ class PartialAdjustment(NamedTuple):
     Attributes
     ----------
     block
-        The adjustment without `left_out`.
+        The adjustment without `left_out` and `points`.
     left_out
         Observations that fit nowhere; empty when all of them have a minimum.
     reason
         Why there is none with them, or "".
+    points
+        Points that are left out with all their rays: they are far apart, and too few to tell which
+        of them is wrong.
     """
 
     block: AdjustedBlock
     left_out: tuple[ObservationName, ...]
     reason: str
+    points: tuple[str, ...] = ()
 
 
 def adjust_without_misfits(
@@ -87,14 +103,23 @@ def adjust_without_misfits(
         if least is None:
             raise failure
         reduced, found = least
+        points, whole = points_gone(problem, reduced), problem
+        if points:
+            whole = without_points(problem, points, FAR_APART)
         if bare is problem:
             block = evaluate(reduced, found, progress=progress)
         else:
-            reduced = with_rows_of(problem, reduced)
+            reduced = with_rows_of(whole, reduced)
             block = calibrated(reduced, found.state, progress=progress)
     except np.linalg.LinAlgError:
         raise failure from None
-    return PartialAdjustment(block, missing(problem, reduced), str(failure))
+    return PartialAdjustment(block, missing(whole, reduced), str(failure), points)
+
+
+def points_gone(problem: Problem, reduced: Problem) -> tuple[str, ...]:
+    """Return the points of a bundle that a smaller one of the same block lacks."""
+    left = set(reduced.points)
+    return tuple(name for name in problem.points if name not in left)
 
 
 def minimum_without_misfits(
@@ -114,21 +139,30 @@ def minimum_without_misfits(
     Returns
     -------
     (Problem, Found) or None
-        None where no minimum is found either, or control free of error is far off.
+        The bundle also lacks the points of which too little is left. None where no minimum is found
+        either, or control free of error is far off.
     """
+    runaway: BlockState | None = None
     for _ in range(_ROUNDS):
         off = _control_believed(problem, far_off(problem, structure, start))
         if off is None:
             return None
         smaller, start = _without(problem, off), off.state
-        if smaller is None:
+        apart = _far_apart(smaller, off)
+        if runaway is not None:
+            apart |= _open_points(problem, structure, runaway)
+        left = _leaving(smaller, start, apart) if apart.any() else None
+        if left is not None:
+            smaller, start = left
+            structure = make_structure(smaller, start.centres)
+        elif smaller.observations == problem.observations:
             return None
         problem = smaller
         try:
             check_datum(problem, start, linearise(problem, start))
             return problem, find_minimum(problem, start, structure, progress=progress)
-        except NoConvergenceError:
-            continue
+        except NoConvergenceError as error:
+            runaway = error.state
         except NotComputableError:
             return None
     return None
@@ -148,8 +182,8 @@ def _control_believed(problem: Problem, off: FarOff) -> FarOff | None:
     return off._replace(rays=rays, control=off.control & ~firm)
 
 
-def _without(problem: Problem, off: FarOff) -> Problem | None:
-    """Return the bundle without what is far off; None when that is nothing more.
+def _without(problem: Problem, off: FarOff) -> Problem:
+    """Return the bundle without what is far off.
 
     A point keeps the coordinates without which it would not be determined.
     """
@@ -178,8 +212,96 @@ def _without(problem: Problem, off: FarOff) -> Problem | None:
                 out.flat[k] = True
                 out.flat[k] = _weakest(b[~out], weight) >= enough
         rejected[rays] = out
-    smaller = replace(smaller, rejected=rejected if rejected.any() else None)
-    return None if smaller.observations == problem.observations else smaller
+    return replace(smaller, rejected=rejected if rejected.any() else None)
+
+
+def _far_apart(problem: Problem, off: FarOff) -> Bools:
+    """(points,) points that keep a ray which fits nowhere, and cannot be linearised with it.
+
+    Any of three coordinates of two rays makes a point, and nothing tells which of the four is
+    wrong. Where they miss each other by a large part of the field of view, or three of them do not
+    meet before the photos, no such point is near the measured one.
+
+    Parameters
+    ----------
+    problem
+        The bundle without what is far off, as far as its points can do without.
+    """
+    kept = off.rays.copy()
+    if problem.rejected is not None:
+        kept &= ~problem.rejected.all(axis=1)
+    out = np.zeros(len(problem.points), dtype=bool)
+    out[problem.point[kept]] = True
+    out &= by_rays_alone(problem)
+    doubtful = np.flatnonzero(out)
+    wide = np.zeros(len(out), dtype=bool)
+    wide[problem.point[off.rays & _wide(problem, _misses(problem, off.state))]] = True
+    _, certain = met_planes(problem, off.state, doubtful)
+    out[doubtful] = wide[doubtful] | ~certain
+    return out
+
+
+def _misses(problem: Problem, state: BlockState) -> Array:
+    """(m, 2) what all rays are off [mm], those that are rejected as well."""
+    misses: Array = counted_misclosures(problem.every, state)[0] * problem.sigma_xy
+    return misses
+
+
+def _wide(problem: Problem, misses: Array) -> Bools:
+    """(m,) which rays miss so far that they were taken for another point's."""
+    out: Bools = ~(np.linalg.norm(misses, axis=1) <= _WIDE * problem.c[problem.photo])
+    return out
+
+
+def mismatched(problem: Problem, reduced: Problem, state: BlockState) -> frozenset[ObservationName]:
+    """Return the image coordinates that a smaller bundle lacks and that are no errors of measuring.
+
+    They belong to rays that miss their points by a large part of the field of view: to another
+    point, that is. Linearised so far from their places they say nothing of their point, but that
+    its other rays were as wrong as they. Where only x or y misses, the other one is none of them.
+
+    Parameters
+    ----------
+    problem
+        The bundle, with all observations.
+    reduced, state
+        The bundle without what fits nowhere, and its minimum.
+    """
+    misses = _misses(reduced, state)
+    off = _wide(reduced, misses)[:, None] & (np.abs(misses) > _OFF * problem.sigma_xy)
+    off &= reduced.newly_rejected & ~problem.newly_rejected
+    rejected = off if problem.rejected is None else off | problem.rejected
+    return frozenset(missing(problem, replace(problem, rejected=rejected)))
+
+
+def _open_points(problem: Problem, structure: Structure, state: BlockState) -> Bools:
+    """(points,) points that ran away where no minimum was found: their rays do not meet."""
+    out = np.zeros(len(problem.points), dtype=bool)
+    tie = anchor(problem, state) if problem.defect else None
+    weights = None if tie is None else tie.weights
+    try:
+        NormalEquations(problem, structure, linearise(problem, state), 0.0, weights)
+    except PointError as error:
+        out[error.points] = True
+    return out & by_rays_alone(problem)
+
+
+def _leaving(
+    problem: Problem, state: BlockState, points: Bools
+) -> tuple[Problem, BlockState] | None:
+    """Return the bundle without some points, and its state; None where photos hang on them."""
+    if problem.left_open is not None:
+        return None
+    names = [problem.points[k] for k in np.flatnonzero(points).tolist()]
+    try:
+        smaller = without_points(problem, names, FAR_APART)
+    except NotComputableError:
+        return None
+    if smaller.photos != problem.photos:
+        return None
+    if problem.conditions is None:
+        smaller = replace(smaller, conditions=None)
+    return smaller, among_points(problem, smaller, state)
 
 
 def _weakest(b: Array, weight: Array) -> float:

@@ -125,8 +125,8 @@ class Problem:
     offsets
         What stated positions and angles have in common, or None.
     undetermined
-        Points that are left out because half rays do not determine them; None where that has not
-        been looked at.
+        Points that are left out because their rays do not determine them, and why; None where that
+        has not been looked at.
     """
 
     block: Block = field(repr=False)
@@ -186,7 +186,7 @@ class Problem:
 
     lever_arm: Array | None = field(default=None, repr=False)
     offsets: LaidOffsets | None = field(default=None, repr=False)
-    undetermined: frozenset[str] | None = field(default=None, repr=False)
+    undetermined: Mapping[str, str] | None = field(default=None, repr=False)
 
     @property
     def bare(self) -> Problem:
@@ -371,7 +371,7 @@ def make_problem(
     *,
     datum: Datum = "control",
     additional: AdditionalParameters | None = None,
-    undetermined: frozenset[str] | None = None,
+    undetermined: Mapping[str, str] | None = None,
 ) -> Problem:
     """Lay out a block as a bundle.
 
@@ -385,7 +385,7 @@ def make_problem(
     additional
         Additional parameters.
     undetermined
-        Points whose counted coordinates do not determine them, where that is known.
+        Points whose counted coordinates do not determine them, and why, where that is known.
 
     Raises
     ------
@@ -436,7 +436,7 @@ def make_problem(
         at_points, at_photos = located.counts(len(names), len(block.photos))
         observed, has_prior = observed + at_points, has_prior + at_photos
     useful, left_out = select_rays(
-        block, photo, point, counted, names, observed, has_prior, undetermined or frozenset()
+        block, photo, point, counted, names, observed, has_prior, undetermined or {}
     )
     left_out += [LeftOut("prior", *one) for one in not_needed]
     left_out += [

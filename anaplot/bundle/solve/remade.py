@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from anaplot.aliases import Index
+from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.problem import Problem, make_problem
+from anaplot.bundle.solve.selection import FAR_APART, HALF_RAYS
 from anaplot.photogrammetry.block import Block
 
 __all__ = [
+    "among_points",
     "laid_out_again",
     "with_priors_of",
     "with_rejected_of",
@@ -23,20 +26,27 @@ __all__ = [
 def laid_out_again(problem: Problem, block: Block) -> Problem:
     """Lay out a changed block as its bundle was, without the same control, priors and conditions.
 
-    Image coordinates rejected are not looked for, they may have changed; nor are points that were
-    not determined.
+    Image coordinates rejected are not looked for, they may have changed; nor are points that half
+    rays did not determine. Points whose rays are far apart stay out, unless their rays changed.
 
     Raises
     ------
     InputError, NotComputableError
         As `make_problem`.
     """
-    anew = make_problem(block, datum=problem.datum, additional=problem.additional)
+    apart = {name: why for name, why in (problem.undetermined or {}).items() if why == FAR_APART}
+    if apart:
+        rows = zip(problem.block.image_points, block.image_points, strict=True)
+        for name in {row.point for pair in rows if pair[0] is not pair[1] for row in pair}:
+            apart.pop(name, None)
+    anew = make_problem(
+        block, datum=problem.datum, additional=problem.additional, undetermined=apart or None
+    )
     return without_same(anew, problem)
 
 
-def without_points(problem: Problem, names: frozenset[str]) -> Problem:
-    """Return the bundle with points left out that are not determined.
+def without_points(problem: Problem, names: Iterable[str], why: str = HALF_RAYS) -> Problem:
+    """Return the bundle with points left out that are not determined, beside those left out before.
 
     Raises
     ------
@@ -47,9 +57,15 @@ def without_points(problem: Problem, names: frozenset[str]) -> Problem:
         problem.block,
         datum=problem.datum,
         additional=problem.additional,
-        undetermined=names,
+        undetermined={**(problem.undetermined or {}), **dict.fromkeys(names, why)},
     )
     return with_rejected_of(without_same(anew, problem), problem)
+
+
+def among_points(problem: Problem, smaller: Problem, state: BlockState) -> BlockState:
+    """Return the state of a bundle of which another one lacks some points, for that one."""
+    place = {name: k for k, name in enumerate(problem.points)}
+    return replace(state, points=state.points[[place[name] for name in smaller.points]])
 
 
 def with_rejected_of(problem: Problem, other: Problem) -> Problem:

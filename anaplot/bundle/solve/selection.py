@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -10,10 +10,22 @@ import numpy as np
 from anaplot.aliases import Bools, Index
 from anaplot.photogrammetry.block import Block
 
-__all__ = ["LeftOut", "counted_in_photos", "left_out_sentences", "select_rays"]
+__all__ = [
+    "FAR_APART",
+    "HALF_RAYS",
+    "LeftOut",
+    "counted_in_photos",
+    "left_out_sentences",
+    "select_rays",
+]
+
+HALF_RAYS = "has rays of which x or y is off, and the rest does not meet before its photos"
+"""Why a point takes no part whose half rays do not determine it."""
+
+FAR_APART = "has rays far apart, and too few to tell which of them is wrong"
+"""Why a point takes no part whose rays gross errors keep from meeting."""
 
 _MOST_LEFT_OUT = 20  # that are named
-_UNDETERMINED = "has rays of which x or y is off, and the rest does not meet before its photos"
 _MOST_ALIKE = 4  # points left out for the same reason that are named one by one
 
 
@@ -41,7 +53,7 @@ def select_rays(
     names: list[str],
     observed: Index,
     has_prior: Index,
-    undetermined: frozenset[str] = frozenset(),
+    undetermined: Mapping[str, str],
 ) -> tuple[Bools, list[LeftOut]]:
     """Return (m,) rays that take part, and what does not.
 
@@ -59,13 +71,16 @@ def select_rays(
         (points,) coordinates of a point, (photos,) elements of an orientation, that are known
         beside the rays.
     undetermined
-        Points that are left out because what counts of their rays does not determine them.
+        Points that are left out because what counts of their rays does not determine them, and why.
     """
     pair_photo, pair_point, seen_axes, pair_of = counted_in_photos(photo, point, counted)
     coordinates = seen_axes.sum(axis=1)
     alive = coordinates > 0
     gone_points = np.array([name in undetermined for name in names], dtype=bool)
-    left = [LeftOut("point", names[k], _UNDETERMINED) for k in np.flatnonzero(gone_points).tolist()]
+    left = [
+        LeftOut("point", names[k], undetermined[names[k]])
+        for k in np.flatnonzero(gone_points).tolist()
+    ]
     alive &= ~gone_points[pair_point]
     gone_photos = np.zeros(len(block.photos), dtype=bool)
     while True:

@@ -21,7 +21,14 @@ from anaplot.bundle.start.approximate import state_of
 from anaplot.bundle.start.subblock import SubBlock
 from anaplot.errors import NotComputableError
 
-__all__ = ["half_seen", "settled_points", "unchecked", "without_doubtful"]
+__all__ = [
+    "by_rays_alone",
+    "half_seen",
+    "met_planes",
+    "settled_points",
+    "unchecked",
+    "without_doubtful",
+]
 
 _FEWEST = 3  # coordinates that determine a point
 _CERTAIN = 0.1  # of its distance: a larger standard deviation of a point is none
@@ -37,7 +44,13 @@ def half_seen(problem: Problem) -> Bools:
         return out
     x, y = _photos_counting(problem)
     out = (x != y) & (np.minimum(x, y) <= 1)
-    out &= ~(problem.fixed | np.isfinite(problem.ground_sigma).any(axis=0)).any(axis=1)
+    return out & by_rays_alone(problem)
+
+
+def by_rays_alone(problem: Problem) -> Bools:
+    """(points,) points of which nothing but their rays knows where they are."""
+    held = problem.fixed | np.isfinite(problem.ground_sigma).any(axis=0)
+    out: Bools = ~np.asarray(held.any(axis=1))
     if problem.given is not None:
         out &= ~problem.given.points_given(len(out))
     named = {name for one in problem.block.conditions for name in one.points}
@@ -92,7 +105,7 @@ def settled_points(
     """
     there = set(firm.points)
     doubtful = np.flatnonzero([name not in there for name in problem.points])
-    places, certain = _met_planes(problem, state, doubtful)
+    places, certain = met_planes(problem, state, doubtful)
     names = [problem.points[k] for k in doubtful.tolist()]
     kept = without_points(problem, frozenset(np.array(names)[~certain].tolist()))
     at = dict(zip(firm.points, state.points + state.origin, strict=True))
@@ -105,8 +118,8 @@ def settled_points(
     return kept, replace(state_of(kept, subblock), own=state.own, shared=state.shared)
 
 
-def _met_planes(problem: Problem, state: BlockState, points: Index) -> tuple[Array, Bools]:
-    """(k, 3) where the planes of some points' coordinates meet [m], and which points they fix."""
+def met_planes(problem: Problem, state: BlockState, points: Index) -> tuple[Array, Bools]:
+    """Return (k, 3) where the planes of some points' coordinates meet [m], and which they fix."""
     number = np.full(len(problem.points), -1)
     number[points] = np.arange(len(points))
     rays = np.flatnonzero(number[problem.point] >= 0)

@@ -39,7 +39,6 @@ _AGREED = "where most measurements agree, sigma0 is"
 _RESECTED = 30  # photos that are resected at most when a culprit is looked for
 _OFF = 20.0  # sigmas by which a ray or control is off
 _FEW = 200  # rays of which one may be off in any case
-_SCATTERED = 0.05  # of the redundancy: coordinates that may be off, as long as no photo has more
 _OF_A_PHOTO = 0.25  # than this share of its rays off
 _AGREE = 0.1  # of the redundancy: coordinates that may be off where all others agree
 _FAR = 10.0  # times what measurements are off in the median: so far off is a suspect
@@ -296,15 +295,11 @@ class RobustState(NamedTuple):
         """
         if self.rays_off <= max(1, len(problem.photo) // _FEW):
             return True
-        return self.most_off <= _OF_A_PHOTO and self._told_by_others(problem, _SCATTERED)
+        return self.most_off <= _OF_A_PHOTO and self.agrees(problem)
 
     def agrees(self, problem: Problem) -> bool:
         """Whether nearly all rays fit, wherever the others are."""
-        return self._told_by_others(problem, _AGREE)
-
-    def _told_by_others(self, problem: Problem, share: float) -> bool:
-        """Whether coordinates that are off are at most a share of the redundancy."""
-        return 2 * self.rays_off <= share * problem.redundancy
+        return 2 * self.rays_off <= _AGREE * problem.redundancy
 
     @property
     def off(self) -> tuple[int, int]:

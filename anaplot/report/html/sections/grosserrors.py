@@ -7,11 +7,13 @@ from dataclasses import replace
 
 from anaplot.report.adjusterrors import rejected_table
 from anaplot.report.blockadjustment import BlockAdjustment
-from anaplot.report.document import Table, say
+from anaplot.report.columns import counted
+from anaplot.report.document import Table, named, say
 from anaplot.report.html.parts import Captioned, HtmlBlock, Section
 
 __all__ = ["rejected_section"]
 
+_MOST = 30  # points that are named
 _ALWAYS = ("order", "kind", "error", "sigma", "unit", "w", "r")
 
 
@@ -30,6 +32,14 @@ def _blocks(found: BlockAdjustment) -> Iterator[HtmlBlock]:
                  ("control", found.errors)]  # fmt: skip
     for what, findings in steps:
         of = f" of the step: {what}" if what else ""
+        if findings.points:
+            yield say(
+                "{} left out with all rays{}: they are far apart, and too few to tell which of "
+                "them is wrong: {}",
+                counted(len(findings.points), "point is", "points are"),
+                of,
+                named(findings.points, _MOST),
+            )
         if not findings.rejected:
             yield say("Nothing is rejected{}.", of)
             continue

@@ -1,0 +1,102 @@
+"""Rays measured beside any other point of their photo are found, also at points of two rays."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from grossblocks import mismatched, planned
+
+from anaplot import adjust
+from anaplot.adjustment.findings import SearchSettings
+from anaplot.bundle.errors.grosserrors import BlockFindings, block_gross_errors
+from anaplot.cli import main
+from anaplot.exchange.blockfolder import (
+    read_block,
+    write_control,
+    write_image_points,
+    write_new_block,
+)
+from anaplot.photogrammetry.block import Block
+
+ALPHA = SearchSettings(alpha=0.001)
+
+
+def far_block(count: int = 4, seed: int = 1) -> tuple[Block, set[tuple[str, str]]]:
+    """Three strips; of 4 mismatches of seed 1 one is at a point of two rays."""
+    return mismatched(planned(seed, strips=3), count, seed)
+
+
+def rays_out(found: BlockFindings) -> set[tuple[str, str]]:
+    return {(row.name[1], row.name[2]) for row in found.rejected if row.name[0] == "image"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("strategy", ["baarda", "search"])
+def test_a_point_whose_two_rays_do_not_meet_is_left_out(strategy: str) -> None:
+    block, wrong = far_block()
+    found = block_gross_errors(block, strategy, ALPHA)
+    at = {point for _, point in wrong}
+    assert len(found.points) == 1
+    assert set(found.points) <= at
+    rays = [row for row in block.image_points if row.point == found.points[0]]
+    assert len(rays) == 2
+    # both coordinates of every other one, and hardly anything else
+    others = {ray for ray in wrong if ray[1] not in found.points}
+    assert others <= rays_out(found)
+    assert len(rays_out(found) - others) <= 1
+    assert found.block.sigma0 is not None
+    assert 0.85 < found.block.sigma0 < 1.15
+    assert set(found.points).isdisjoint(found.block.problem.points)
+    reasons = {one.name: one.reason for one in found.block.problem.left_out}
+    assert reasons[found.points[0]].startswith("has rays far apart")
+    assert found.first is None
+    assert found.begun.points == found.points
+
+
+@pytest.mark.slow
+def test_far_mismatches_are_out_from_the_beginning_and_told_with_their_size() -> None:
+    block, wrong = far_block(9)
+    found = block_gross_errors(block, "search", ALPHA)
+    assert found.points == ()
+    assert wrong <= rays_out(found)
+    assert len(rays_out(found) - wrong) <= 1
+    # all but the one at control, which is tested like all else
+    assert len(wrong - {name[1:3] for name in found.kept_out}) == 1
+    assert {name[1:3] for name in found.kept_out} <= wrong
+    for row in found.rejected:
+        if row.name in found.kept_out:
+            assert row.order == 0
+            assert row.statistic is None
+            assert row.error is not None
+            assert row.sigma is not None
+            assert abs(row.error) > 10.0 * row.sigma
+
+
+@pytest.mark.slow
+def test_what_is_left_out_is_said_and_applied(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    block, _ = far_block()
+    folder = tmp_path / "b"
+    write_new_block(folder, block)
+    write_image_points(folder, block.image_points)
+    write_control(folder, block.control)
+    found = adjust(folder, errors="baarda")
+    (point,) = found.to_dict()["errors"]["points_left_out"]
+    assert f"point {point} is left out: it has rays far apart" in found.text()
+    assert "left out with all rays" in found.text()
+    assert point in {one["name"] for one in found.to_dict()["left_out"]}
+    assert main(["adjust", str(folder), "--errors", "baarda", "--apply"]) == 0
+    assert "switched off" in capsys.readouterr().out
+    rows = read_block(folder).image_points
+    rejected = found.to_dict()["errors"]["rejected"]
+    for row in rows:
+        if row.point == point:
+            assert (row.use, row.reason) == ("off", "baarda")
+    gone = {tuple(one[key] for key in ("photo", "point", "model")) for one in rejected}
+    off = {(row.photo, row.point, row.model) for row in rows if row.use != "xy"}
+    assert off == gone | {(row.photo, row.point, row.model) for row in rows if row.point == point}
+    # what is left has a solution, and that is the same
+    again = adjust(folder).to_dict()
+    assert again["sigma0"] == pytest.approx(found.to_dict()["sigma0"], rel=1e-6)
+    assert main(["adjust", str(folder), "--apply-undo"]) == 4
+    assert read_block(folder).image_points == block.image_points
