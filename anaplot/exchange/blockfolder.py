@@ -31,7 +31,7 @@ from anaplot.exchange.imagepointscsv import (
     points_in_pixels,
 )
 from anaplot.exchange.patternfile import format_pattern, read_pattern
-from anaplot.photogrammetry.block import Block, ControlPoint, ImagePoint, PointPrior
+from anaplot.photogrammetry.block import Block, ControlPoint, ImagePoint, ImagePoints, PointPrior
 from anaplot.textfiles.csvtable import MAX_CSV_BYTES
 from anaplot.textfiles.inputfile import read_bytes, read_text
 from anaplot.textfiles.wholefile import (
@@ -122,11 +122,11 @@ def with_image_points(folder: Path, block: Block) -> Block:
     points = folder / IMAGE_POINTS_CSV
     # A link to nowhere is not an absent file: lexists leaves the complaint to the reader.
     there = os.path.lexists(points)
-    measured = parse_image_points(points, block) if there else ()
+    measured = parse_image_points(points, block) if there else ImagePoints()
     pixels = there and points_in_pixels(points)
     photos = block.photos
     if not block.strips and len(block.cameras) == 1:
-        photos = with_photos(photos, (row.photo for row in measured), block.cameras[0].id)
+        photos = with_photos(photos, measured.columns.photo.values, block.cameras[0].id)
     return replace(block, photos=photos, image_points=measured, in_pixels=pixels)
 
 

@@ -3,20 +3,34 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from anaplot.aliases import Array, Index
 from anaplot.errors import InputError
-from anaplot.photogrammetry.block import Block, Camera, ImagePoint, Strip, image_points
+from anaplot.photogrammetry.block import Block, Camera, ImagePoint, Strip
+from anaplot.photogrammetry.imagepoints import (
+    Coded,
+    ImagePoints,
+    PointColumns,
+    paired,
+    read_columns,
+    samples,
+    stand_again,
+    stated_sigmas,
+)
 from anaplot.photogrammetry.measuredimage import (
+    first_beyond_reach,
     has_lens,
     ideal_rays,
     measured_places,
     mm_of_pixels,
+    rows_by_camera,
 )
 from anaplot.photogrammetry.selection import model_name, model_splits
-from anaplot.textfiles.csvtable import MAX_CSV_BYTES, CsvColumns, csv_text, read_csv
+from anaplot.textfiles.csvtable import MAX_CSV_BYTES, CsvColumns, csv_text_of_columns, read_csv
 from anaplot.textfiles.inputfile import open_input
 from anaplot.textfiles.kinds import (
     NAME,
@@ -41,7 +55,6 @@ __all__ = [
     "points_in_pixels",
 ]
 
-_COLUMNS = ("photo", "point", "x", "y", "sigma_um", "model", "use", "reason")
 _PIXELS = ("x_px", "y_px")
 _HEADER = 10_000  # bytes
 _BESIDE = 0.5  # px that a coordinate may lie outside the image: programs differ by so much
@@ -64,7 +77,7 @@ class _Reason(Text):
 _REASON = _Reason(empty=False)
 
 
-def parse_image_points(path: Path, block: Block) -> tuple[ImagePoint, ...]:
+def parse_image_points(path: Path, block: Block) -> ImagePoints:
     """Read an image_points.csv.
 
     Parameters
@@ -77,7 +90,7 @@ def parse_image_points(path: Path, block: Block) -> tuple[ImagePoint, ...]:
 
     Returns
     -------
-    tuple[ImagePoint, ...]
+    ImagePoints
         The rows in file order, coordinates in mm.
 
     Raises
@@ -87,8 +100,16 @@ def parse_image_points(path: Path, block: Block) -> tuple[ImagePoint, ...]:
     """
     either = [{"x": NUMBER, "y": NUMBER}, dict.fromkeys(_PIXELS, NUMBER)]
     table, of_photo = measured_rows(path, block, either)
-    measured = _take_off_lenses(table, of_photo)
-    return image_points(*(table[name] for name in _COLUMNS), measured)
+    names = _PIXELS if _PIXELS[0] in table.header else ("x", "y")
+    model, use, reason = (Coded.read(table.coded(name)) for name in ("model", "use", "reason"))
+    columns = read_columns(
+        Coded.read(table.coded("photo")),
+        Coded.read(table.coded("point")),
+        paired(*map(table.numbers, names)),
+        table.numbers("sigma_um"),
+        (model, use, reason),
+    )
+    return ImagePoints(columns=_without_lenses(table, columns, of_photo))
 
 
 def measured_rows(
@@ -134,10 +155,11 @@ def measured_rows(
         either,
     )
     if named_here:
-        of_photo.update(dict.fromkeys(table["photo"], block.cameras[0]))
+        of_photo.update(dict.fromkeys(table.coded("photo")[0], block.cameras[0]))
     _check_models(table, of_photo, block.strips)
-    table.refuse_twice("point", "photo", "model")
-    table["use"][:] = [use or "xy" for use in table["use"]]
+    key = ("point", "photo", "model")
+    if stand_again(*(Coded.read(table.coded(name)) for name in key)).any():
+        table.refuse_twice(*key)
     return table, of_photo
 
 
@@ -166,50 +188,62 @@ def format_image_points(points: Iterable[ImagePoint], block: Block | None = None
     InputError
         A row that could not be read again: a bad name, a number that is none, a row twice.
     """
-    rows = list(points)
+    rows = points if isinstance(points, ImagePoints) else ImagePoints(points)
+    columns = rows.columns
     if not _surely_writable(rows):
         _check_rows(rows)
-    usual = {"sigma_um": None, "use": "xy", "reason": None}
-    columns = [
-        name
-        for name in _COLUMNS[4:]
-        if name not in usual or any(getattr(row, name) != usual[name] for row in rows)
-    ]
     places = _as_measured(rows, block)
+    beside: list[tuple[str, Callable[[slice], Sequence[object]]]] = [
+        ("model", columns.model.listed)
+    ]
+    sigmas = columns.sigma_um
+    if sigmas is not None:
+        beside.insert(0, ("sigma_um", lambda some: stated_sigmas(sigmas[some])))
+    if any(use != "xy" for use in columns.use.values):
+        beside.append(("use", columns.use.listed))
+    if any(reason is not None for reason in columns.reason.values):
+        beside.append(("reason", columns.reason.listed))
     xy = _PIXELS if block is not None and block.in_pixels else ("x", "y")
-    return csv_text(
-        ("photo", "point", *xy, *columns),
-        (
-            (row.photo, row.point, *place, *(getattr(row, name) for name in columns))
-            for row, place in zip(rows, places, strict=True)
-        ),
+    return csv_text_of_columns(
+        ("photo", "point", *xy, *(name for name, _ in beside)),
+        len(rows),
+        lambda some: [
+            columns.photo.listed(some),
+            columns.point.listed(some),
+            *places[some].T.tolist(),
+            *(listed(some) for _, listed in beside),
+        ],
     )
 
 
-def _as_measured(rows: Sequence[ImagePoint], block: Block | None) -> list[tuple[float, float]]:
-    """Return what is written of rows: what was read, else what their cameras make of x and y."""
-    out = [row.measured or (row.x, row.y) for row in rows]
+def _as_measured(rows: ImagePoints, block: Block | None) -> Array:
+    """Return (n, 2) what is written: what was read, else what their cameras make of x and y."""
+    columns = rows.columns
+    stated = columns.stated
     if block is None:
-        stray = next((row for row in rows if row.measured is not None), None)
-        if stray is not None:
-            raise _unwritable(stray, "it was measured in pixels, or through a lens")
-        return out
+        if stated.any():
+            raise _unwritable(
+                rows[int(stated.argmax())], "it was measured in pixels, or through a lens"
+            )
+        return columns.xy
+    if columns.measured is not None and stated.all():
+        return columns.measured
     if not block.in_pixels and not any(map(has_lens, block.cameras)):
-        return out
-    if not any(row.measured is None for row in rows):
-        return out
-    for row in rows:
-        camera = block.camera_of(row.photo)
-        if block.in_pixels and row.measured is None and camera.pixels is None:
-            raise _unwritable(row, f"camera {quoted(camera.id)} has no pixels")
-    places = measured_places(block, rows, pixels=block.in_pixels).tolist()
-    return [(x, y) for x, y in places]
+        # nothing stands between
+        return columns.xy if columns.measured is None else columns.placed
+    bare = columns.photo.each(lambda photo: block.camera_of(photo).pixels is None)
+    if block.in_pixels and any(bare.values):
+        for k, without in enumerate(bare.listed()):
+            if without and not stated[k]:
+                camera = quoted(block.camera_of(rows[k].photo).id)
+                raise _unwritable(rows[k], f"camera {camera} has no pixels")
+    return measured_places(block, rows, pixels=block.in_pixels)
 
 
-def _take_off_lenses(
-    table: CsvColumns, cameras: Mapping[str, Camera]
-) -> list[tuple[float, float] | None]:
-    """Make the columns x and y ideal; return what was measured, where that is something else.
+def _without_lenses(
+    table: CsvColumns, columns: PointColumns, cameras: Mapping[str, Camera]
+) -> PointColumns:
+    """Return columns with ideal coordinates, and what was measured where that is something else.
 
     Raises
     ------
@@ -217,61 +251,47 @@ def _take_off_lenses(
         A coordinate that the photo's camera cannot have, or no camera sees.
     """
     pixels = _PIXELS[0] in table.header
-    measured: list[tuple[float, float] | None] = [None] * len(table)
     if not pixels:
-        _check_inside(table, cameras)
-    if not pixels and not any(map(has_lens, cameras.values())):
-        return measured
-    by_camera: dict[str, list[int]] = {}
-    for row, photo in enumerate(table["photo"]):
-        by_camera.setdefault(cameras[photo].id, []).append(row)
-    if pixels:
-        table["x"][:], table["y"][:] = table[_PIXELS[0]], table[_PIXELS[1]]
-    xs, ys = table["x"], table["y"]
-    known = {camera.id: camera for camera in cameras.values()}
-    for name, rows in by_camera.items():
-        camera = known[name]
+        row = first_beyond_reach(columns, cameras)
+        if row is not None:
+            raise outside(table, row, cameras[columns.photo.at(row)], *columns.xy[row].tolist())
+        if not any(map(has_lens, cameras.values())):
+            return columns
+    ideal, measured = columns.xy.copy(), columns.xy.copy()
+    for camera, rows in rows_by_camera(columns.photo, cameras):
         if not pixels and not has_lens(camera):
+            measured[rows] = math.nan
             continue
+        places = columns.xy[rows]
         if pixels:
-            _check_pixels(table, rows, camera)
-        places = [(xs[row], ys[row]) for row in rows]
-        raw = mm_of_pixels(camera, places) if pixels else places
-        ideal = ideal_rays(camera, raw).tolist()
-        for row, place, (x, y) in zip(rows, places, ideal, strict=True):
-            if math.isnan(x) or math.isnan(y):
-                what = f"the lens of camera {quoted(name)} images nothing there"
-                raise table.fail(row, _PIXELS[0] if pixels else "x", what)
-            measured[row] = place
-            xs[row], ys[row] = x, y
-    return measured
+            _check_pixels(table, rows, places, camera)
+        found = ideal_rays(camera, mm_of_pixels(camera, places) if pixels else places)
+        unseen = (found != found).any(axis=1)
+        if unseen.any():
+            what = f"the lens of camera {quoted(camera.id)} images nothing there"
+            raise table.fail(int(rows[unseen.argmax()]), _PIXELS[0] if pixels else "x", what)
+        ideal[rows] = found
+    return replace(columns, xy=ideal, measured=measured)
 
 
-def _check_pixels(table: CsvColumns, rows: Sequence[int], camera: Camera) -> None:
+def _check_pixels(table: CsvColumns, rows: Index, places: Array, camera: Camera) -> None:
     """Refuse pixels of a camera that has none, and pixels outside the image."""
     if camera.pixels is None:
         raise table.fail(
-            rows[0], _PIXELS[0], f"camera {quoted(camera.id)} states no pixels = [width, height]"
+            int(rows[0]),
+            _PIXELS[0],
+            f"camera {quoted(camera.id)} states no pixels = [width, height]",
         )
-    for name, most in zip(_PIXELS, camera.pixels, strict=True):
-        column = table[name]
-        for row in rows:
-            if not -_BESIDE <= column[row] <= most + _BESIDE:
-                raise table.fail(
-                    row,
-                    name,
-                    f"{column[row]:g} px lies outside the image of camera {quoted(camera.id)} "
-                    f"(0 to {most} px)",
-                )
-
-
-def _check_inside(table: CsvColumns, cameras: Mapping[str, Camera]) -> None:
-    """Refuse a coordinate that the photo's camera cannot have."""
-    reach = {photo: camera.reach() for photo, camera in cameras.items()}
-    for row, (photo, x, y) in enumerate(zip(table["photo"], table["x"], table["y"], strict=True)):
-        reach_x, reach_y = reach[photo]
-        if not (-reach_x <= x <= reach_x and -reach_y <= y <= reach_y):
-            raise outside(table, row, cameras[photo], x, y)
+    for name, most, values in zip(_PIXELS, camera.pixels, places.T, strict=True):
+        beside = (values < -_BESIDE) | (values > most + _BESIDE)
+        if beside.any():
+            at = int(beside.argmax())
+            raise table.fail(
+                int(rows[at]),
+                name,
+                f"{values[at]:g} px lies outside the image of camera {quoted(camera.id)} "
+                f"(0 to {most} px)",
+            )
 
 
 def outside(table: CsvColumns, row: int, camera: Camera, x: float, y: float) -> InputError:
@@ -292,7 +312,7 @@ def _check_models(table: CsvColumns, photos: Iterable[str], strips: Collection[S
 
     Without strips every pair of photos may have been a model.
     """
-    if not any(table["model"]):
+    if not any(table.coded("model")[0]):
         return
     known: dict[str, set[str]] = {photo: set() for photo in photos}
     for strip in strips:
@@ -333,23 +353,18 @@ def _model_fault(
     return f"{quoted(model)}: the two photos do not follow each other in a strip"
 
 
-def _surely_writable(rows: Sequence[ImagePoint]) -> bool:
+def _surely_writable(rows: ImagePoints) -> bool:
     """Return whether nothing of any row can be wrong: what many rows have is looked at once."""
-    photos: dict[tuple[str, str | None], set[str]] = {}
-    for row in rows:
-        photos.setdefault((row.photo, row.model), set()).add(row.point)
-    if sum(map(len, photos.values())) < len(rows):
+    columns = rows.columns
+    if stand_again(columns.photo, columns.point, columns.model).any():
         return False
-    points = set().union(*photos.values())
-    if any(map(name_fault, points)) or any(name_fault(photo) for photo, _ in photos):
+    if any(map(name_fault, columns.point.values)) or any(map(name_fault, columns.photo.values)):
         return False
-    if not all(math.isfinite(row.x) and math.isfinite(row.y) for row in rows):
+    if not columns.finite:
         return False
-    # of rows with the same entries of these columns one is looked at
-    others = {(row.photo, row.model, row.sigma_um, row.use, row.reason): row for row in rows}
     try:
-        for row in others.values():
-            _check_writable(row)
+        for k in samples(columns):
+            _check_writable(rows[k])
     except InputError:
         return False
     return True

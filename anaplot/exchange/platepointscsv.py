@@ -86,13 +86,18 @@ def read_plate_points(path: Path, block: Block) -> PlatePoints:
     coordinates = dict.fromkeys(("x", "y"), Number(-_MOST, _MOST))
     table, _ = measured_rows(path, block, [coordinates], {"sigma": Blank(SIGMA)})
     names = ("photo", "point", "x", "y", "sigma_um", "model", "use", "reason")
-    rows = [ImagePoint(*row) for row in zip(*(table[name] for name in names), strict=True)]
+    rows = [
+        ImagePoint(photo, point, x, y, sigma, model, use or "xy", reason)
+        for photo, point, x, y, sigma, model, use, reason in zip(
+            *(table[name] for name in names), strict=True
+        )
+    ]
     if not rows:
         raise table.fail(None, None, "no point")
-    for k, row in enumerate(rows):
-        if table["sigma"][k] is not None and row.sigma_um is not None:
+    pairs = list(zip(rows, table["sigma"], strict=True))
+    for k, (row, sigma) in enumerate(pairs):
+        if sigma is not None and row.sigma_um is not None:
             raise table.fail(k, "sigma", "sigma beside sigma_um: only one of them")
-    pairs = zip(rows, table["sigma"], strict=True)
     return PlatePoints(
         path, table, tuple(PlatePoint(row, sigma, k) for k, (row, sigma) in enumerate(pairs))
     )

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass, field, fields, replace
-from itertools import repeat
-from typing import Any, Literal, NamedTuple, cast
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal, NamedTuple
 
 from anaplot.aliases import TestKind
 from anaplot.photogrammetry.airandearth import AirAndEarth
 from anaplot.photogrammetry.camera import BrownLens, CameraCalibration, pixel_size
 from anaplot.photogrammetry.groundsystem import GroundSystem
+from anaplot.photogrammetry.imagepoints import ImagePoint, ImagePoints, Use, image_points
 from anaplot.photogrammetry.objectconditions import ObjectCondition
 from anaplot.photogrammetry.posterior import Posterior
 from anaplot.photogrammetry.prioroffsets import PriorOffsets
@@ -22,6 +21,7 @@ __all__ = [
     "ControlPoint",
     "ControlUse",
     "ImagePoint",
+    "ImagePoints",
     "Measuring",
     "PatternPoint",
     "Photo",
@@ -34,9 +34,6 @@ __all__ = [
     "image_points",
     "in_pixels",
 ]
-
-Use = Literal["xy", "x", "y", "off"]
-"""Which coordinates of an image point count."""
 
 ControlUse = Literal["control", "check", "off"]
 
@@ -165,65 +162,6 @@ class Strip:
     def models(self) -> tuple[tuple[str, str], ...]:
         """Return the (left, right) pairs of consecutive photos."""
         return tuple(zip(self.photos, self.photos[1:], strict=False))
-
-
-@dataclass(frozen=True, slots=True)
-class ImagePoint:
-    """One measured image point.
-
-    Attributes
-    ----------
-    photo, point
-        Names.
-    x, y
-        Image coordinates [mm], ideal ones: where the camera has a lens, it is taken off.
-    sigma_um
-        A-priori standard deviation [um] of either coordinate, or None for the block's default.
-    model
-        "left/right" of the model that lay in the instrument, or None.
-    use
-        Which of its coordinates count: "xy", "x", "y" or "off".
-    reason
-        Why, in the words of the person who decided; or None.
-    measured
-        What stands in the file instead of x, y, where pixels or a lens are between: it is written
-        again as it was read, and nothing is computed from it.
-    """
-
-    photo: str
-    point: str
-    x: float
-    y: float
-    sigma_um: float | None = None
-    model: str | None = None
-    use: Use = "xy"
-    reason: str | None = None
-    measured: tuple[float, float] | None = field(default=None, compare=False)
-
-    def counts(self, axis: str) -> bool:
-        """Return whether a coordinate, "x" or "y", counts."""
-        return self.use != "off" and axis in self.use
-
-    def use_without(self, axes: Collection[str]) -> Use:
-        """Return which of its coordinates count when those of some axes do not."""
-        left = "".join(axis for axis in "xy" if self.counts(axis) and axis not in axes)
-        return cast("Use", left or "off")
-
-
-_PUT = tuple(ImagePoint.__dict__[each.name].__set__ for each in fields(ImagePoint))
-
-
-def image_points(*columns: Sequence[Any]) -> tuple[ImagePoint, ...]:
-    """Return image points of whole columns, one for each attribute of `ImagePoint`, in order.
-
-    Column by column, as making each by itself takes more than twice the time.
-    """
-    if len({len(column) for column in columns}) != 1:
-        raise ValueError("columns of different lengths")
-    rows = tuple(map(object.__new__, repeat(ImagePoint, len(columns[0]))))
-    for put, column in zip(_PUT, columns, strict=True):
-        deque(map(put, rows, column), maxlen=0)
-    return rows
 
 
 @dataclass(frozen=True, slots=True)
@@ -359,7 +297,8 @@ class Block:
     cameras, photos, strips
         In file order.
     image_points, control
-        Rows of image_points.csv and control.csv, in file order.
+        Rows of image_points.csv and control.csv, in file order; the former, whatever sequence of
+        rows is given, as `ImagePoints`.
     conditions
         Rows of distances.csv, then those of conditions.csv.
     priors
@@ -384,7 +323,7 @@ class Block:
     cameras: tuple[Camera, ...]
     photos: tuple[Photo, ...]
     strips: tuple[Strip, ...]
-    image_points: tuple[ImagePoint, ...] = field(default=(), repr=False)
+    image_points: Sequence[ImagePoint] = field(default=(), repr=False)
     control: tuple[ControlPoint, ...] = field(default=(), repr=False)
     conditions: tuple[ObjectCondition, ...] = field(default=(), repr=False)
     priors: tuple[PointPrior, ...] = field(default=(), repr=False)
@@ -397,6 +336,8 @@ class Block:
     _camera_of: dict[str, Camera] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
+        if not isinstance(self.image_points, ImagePoints):
+            object.__setattr__(self, "image_points", ImagePoints(self.image_points))
         # asked for with every measurement; the first of photos, and of cameras, of one name
         known = {camera.id: camera for camera in reversed(self.cameras)}
         of_photo = {p.id: known[p.camera] for p in reversed(self.photos) if p.camera in known}

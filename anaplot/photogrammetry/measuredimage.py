@@ -7,19 +7,21 @@ coordinates in mm have it at the principal point, and y up; ideal ones are those
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from anaplot.aliases import Array
+from anaplot.aliases import Array, Index
 from anaplot.photogrammetry.block import Block, Camera, ImagePoint
 from anaplot.photogrammetry.camera import CameraCalibration
+from anaplot.photogrammetry.imagepoints import Coded, PointColumns, columns_of
 from anaplot.photogrammetry.lens import lens_places, without_lens
 from anaplot.photogrammetry.planar import as_points
 
 __all__ = [
     "COMPUTED_DIGITS",
     "computed_place",
+    "first_beyond_reach",
     "has_lens",
     "ideal_rays",
     "measured_places",
@@ -27,6 +29,7 @@ __all__ = [
     "mm_of_pixels",
     "pixels_of_mm",
     "plate_calibration",
+    "rows_by_camera",
 ]
 
 COMPUTED_DIGITS = 7
@@ -97,27 +100,58 @@ def measured_places(block: Block, image_points: Sequence[ImagePoint], *, pixels:
         Whether pixels are wanted, which every camera must have then, or mm about the principal
         point, y up. Where that is what the block's file has, the numbers are the same.
     """
+    columns = columns_of(image_points)
     cameras = {camera.id: camera for camera in block.cameras}
-    of_photo = {photo.id: photo.camera for photo in block.photos}
-    by_camera: dict[str, list[int]] = {}
-    for k, row in enumerate(image_points):
-        by_camera.setdefault(of_photo[row.photo], []).append(k)
-    out = np.empty((len(image_points), 2))
-    for name, rows in by_camera.items():
-        camera = cameras[name]
-        mine = [image_points[k] for k in rows]
-        stated = [k for k, row in zip(rows, mine, strict=True) if row.measured is not None]
-        given = np.array([row.measured for row in mine if row.measured is not None])
-        rest = [k for k, row in zip(rows, mine, strict=True) if row.measured is None]
-        if rest:
-            ideal = [(row.x, row.y) for row in mine if row.measured is None]
-            seen = measured_rays(camera, ideal)
+    of_photo = {photo.id: cameras[photo.camera] for photo in block.photos}
+    measured = columns.measured
+    stated = columns.stated
+    out = columns.xy.copy()
+    for camera, rows in rows_by_camera(columns.photo, of_photo):
+        rest = rows[~stated[rows]]
+        if len(rest):
+            seen = measured_rays(camera, columns.xy[rest])
             out[rest] = pixels_of_mm(camera, seen) if pixels else seen
-        if stated and pixels != block.in_pixels:
-            given = pixels_of_mm(camera, given) if pixels else mm_of_pixels(camera, given)
-        if stated:
-            out[stated] = given
+        kept = rows[stated[rows]]
+        if measured is not None and len(kept):
+            given = measured[kept]
+            if pixels != block.in_pixels:
+                given = pixels_of_mm(camera, given) if pixels else mm_of_pixels(camera, given)
+            out[kept] = given
     return out
+
+
+def rows_by_camera(photo: Coded[str], cameras: Mapping[str, Camera]) -> list[tuple[Camera, Index]]:
+    """Return cameras in the order of their first rows, and the rows that were seen with each.
+
+    Parameters
+    ----------
+    photo
+        Of each row.
+    cameras
+        By photo.
+    """
+    seen = {cameras[name].id: cameras[name] for name in photo.values}
+    number = {name: k for k, name in enumerate(seen)}
+    of_photo = np.array([number[cameras[name].id] for name in photo.values], dtype=np.intp)
+    of_row = of_photo[photo.index]
+    return [(camera, np.flatnonzero(of_row == k)) for k, camera in enumerate(seen.values())]
+
+
+def first_beyond_reach(columns: PointColumns, cameras: Mapping[str, Camera]) -> int | None:
+    """Return the first row whose coordinates its photo's camera cannot have; None: there is none.
+
+    Parameters
+    ----------
+    columns
+        Coordinates [mm] as they were measured.
+    cameras
+        By photo.
+    """
+    if not len(columns):
+        return None
+    reach = np.array([cameras[name].reach() for name in columns.photo.values])
+    beyond = (np.abs(columns.xy) > reach[columns.photo.index]).any(axis=1)
+    return int(beyond.argmax()) if beyond.any() else None
 
 
 def computed_place(row: ImagePoint) -> tuple[float, float]:

@@ -24,6 +24,7 @@ from anaplot.bundle.solve.externalreliability import ExternalReliability, Larges
 from anaplot.bundle.solve.observations import ObservationName
 from anaplot.bundle.solve.parametercorrelations import ORIENTATION_PAIRS, photo_correlations
 from anaplot.bundle.solve.photochecks import photo_checks, photo_overlaps
+from anaplot.photogrammetry.imagepoints import columns_of
 from anaplot.report.document import (
     Column,
     Table,
@@ -375,14 +376,14 @@ def image_point_table(
 
 
 def _any_off(block: AdjustedBlock) -> bool:
-    return any(one.use != "xy" for one in block.problem.block.image_points)
+    return any(use != "xy" for use in columns_of(block.problem.block.image_points).use.values)
 
 
 def _image_points(
     block: AdjustedBlock, external: ExternalReliability, rejected: dict[int, list[str]] | None
 ) -> tuple[Values, ...]:
     """Return the columns of `_IMAGE_POINTS` and what follows them, a row for each of the file."""
-    points = block.problem.block.image_points
+    points = columns_of(block.problem.block.image_points)
     n = len(points)
     found, rays = _of_rays(block, external), np.sort(block.problem.source)
     residual = np.full((n, 2), np.nan)
@@ -404,9 +405,9 @@ def _image_points(
     flagged = np.zeros(n, dtype=bool)
     flagged[rays] = found.flagged.any(axis=1)
     columns: list[Values] = [
-        [one.photo for one in points],
-        [one.point for one in points],
-        [one.model for one in points],
+        points.photo.listed(),
+        points.point.listed(),
+        points.model.listed(),
         *residual.T,
         *spread(found.r).T,
         *spread(found.w).T,
@@ -424,7 +425,7 @@ def _image_points(
         columns.append([k in rejected for k in range(n)])
         columns.append([rejected.get(k, []) for k in range(n)])
     if _any_off(block):
-        columns.append([one.use for one in points])
+        columns.append(points.use.listed())
     return tuple(columns)
 
 
@@ -511,12 +512,12 @@ _OFF_WORD, _REJECTED_WORD = "off", "rejected"
 
 def _rays(block: AdjustedBlock, external: ExternalReliability) -> tuple[Values, ...]:
     """Return the columns of `_RAYS`, two rows for each ray that takes part or is switched off."""
-    points = block.problem.block.image_points
+    points = columns_of(block.problem.block.image_points)
     found, rays = _of_rays(block, external), np.sort(block.problem.source)
     residuals = block.off_rays()
-    off = np.array([k for k, one in enumerate(points) if one.use == "off"], dtype=np.intp)
+    off = points.with_use("off")
     order = np.argsort(np.concatenate((off, rays)), kind="stable")
-    rows = np.concatenate((off, rays))[order].tolist()
+    rows = np.concatenate((off, rays))[order]
     nothing = (math.nan, math.nan)
     aside = np.array([residuals.get(k, nothing) for k in off.tolist()]).reshape(-1, 2)
 
@@ -540,11 +541,11 @@ def _rays(block: AdjustedBlock, external: ExternalReliability) -> tuple[Values, 
     words[np.isnan(found.mdb)] = "not testable"
     words[found.flagged] = "<< REMEASURE"
     for k, axis in np.argwhere(~found.use).tolist():
-        counts = points[rays[k]].counts("xy"[axis])
+        counts = "xy"[axis] in points.use.at(rays[k])  # none of these is off altogether
         words[k, axis] = _REJECTED_WORD if counts else _OFF_WORD
     return (
-        doubled([points[k].photo for k in rows]),
-        doubled([points[k].point for k in rows]),
+        doubled(points.photo.listed(rows)),
+        doubled(points.point.listed(rows)),
         ["x", "y"] * len(rows),
         woven(found.residual, aside),
         woven(found.r),

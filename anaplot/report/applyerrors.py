@@ -58,7 +58,7 @@ def run_adjust(options: argparse.Namespace) -> int:
         if options.apply_undo:
             return _undone(options, output, before)
         found = computed(options, adjust)
-        rows = before
+        rows: Sequence[ImagePoint] = before
         if options.errors is not None:
             rejected = (row.name for row in found.result.rejected)
             rows = applied(rows, rejected, options.errors, found.result.points_left_out)
@@ -112,7 +112,7 @@ def _way_out(names: Sequence[ObservationName]) -> str:
     return "; ".join(parts) or "what is known of parameters beforehand is stated with them"
 
 
-def _undone(options: argparse.Namespace, output: Output, before: tuple[ImagePoint, ...]) -> int:
+def _undone(options: argparse.Namespace, output: Output, before: Sequence[ImagePoint]) -> int:
     """Take back what was switched off, adjust without that and show it."""
     names = _reasons(options) or STRATEGIES
     rows = taken_back(before, names)
@@ -186,7 +186,7 @@ def taken_back(rows: Iterable[ImagePoint], strategies: Iterable[str]) -> tuple[I
     return tuple(as_before(row, names) for row in rows)
 
 
-def _write(folder: Path, before: tuple[ImagePoint, ...], rows: tuple[ImagePoint, ...]) -> None:
+def _write(folder: Path, before: Sequence[ImagePoint], rows: Sequence[ImagePoint]) -> None:
     block = read_block(folder)
     if block.image_points != before:
         path = folder / "image_points.csv"

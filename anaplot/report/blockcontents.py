@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections import Counter
 from typing import NamedTuple
 
+import numpy as np
+
 from anaplot.photogrammetry.block import Block, Camera
+from anaplot.photogrammetry.imagepoints import columns_of
 from anaplot.report.columns import counted
 from anaplot.report.document import Answer, Line, named, say
 from anaplot.textfiles.wording import plain
@@ -81,15 +84,17 @@ class BlockContents(NamedTuple):
 
 def contents_of(block: Block) -> BlockContents:
     """Return what there is in a block."""
-    rays_of = Counter(row.point for row in block.image_points if row.use != "off")
+    columns = columns_of(block.image_points)
+    counted = np.isin(np.arange(len(columns)), columns.with_use("off"), invert=True)
+    rays_of = np.bincount(columns.point.index[counted], minlength=1)
     photos_of = Counter(photo.camera for photo in block.photos)
     return BlockContents(
         len(block.photos),
         sum(photo.position is not None and photo.rotation is not None for photo in block.photos),
         len(block.image_points),
-        len(block.image_points) - rays_of.total(),
-        len(rays_of),
-        sum(count == 1 for count in rays_of.values()),
+        int((~counted).sum()),
+        int((rays_of > 0).sum()),
+        int((rays_of == 1).sum()),
         sum(row.use == "control" for row in block.control),
         sum(row.use == "check" for row in block.control),
         sum(row.use == "control" for row in block.conditions),

@@ -13,6 +13,7 @@ from anaplot.bundle.solve.cameracalibration import CalibratedParameter, calibrat
 from anaplot.bundle.solve.parameterpriors import ParameterPrior, checked_priors
 from anaplot.errors import InputError
 from anaplot.photogrammetry.block import Block, Camera
+from anaplot.photogrammetry.imagepoints import columns_of
 from anaplot.photogrammetry.lens import LENS_PARAMETERS
 from anaplot.photogrammetry.measuredimage import mm_of_pixels
 from anaplot.report.document import Block as Part
@@ -85,7 +86,7 @@ def calibration_of(
         No such camera or parameter, or one twice; numbers that are none; a sigma of what is not
         calibrated.
     """
-    measured = {row.photo for row in block.image_points}
+    measured = frozenset(columns_of(block.image_points).photo.values)
     used = dict.fromkeys(photo.camera for photo in block.photos if photo.id in measured)
     cameras = {camera.id: camera for camera in block.cameras if camera.id in used}
     values: dict[tuple[str, str], float | None] = {}

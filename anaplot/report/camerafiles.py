@@ -14,6 +14,7 @@ from anaplot.errors import InputError
 from anaplot.exchange.camerafile import write_camera
 from anaplot.photogrammetry.block import Block, Camera
 from anaplot.photogrammetry.camera import CameraCalibration
+from anaplot.photogrammetry.imagepoints import columns_of
 from anaplot.photogrammetry.lens import LENS_PARAMETERS
 from anaplot.report.document import Document, say
 from anaplot.textfiles.wholefile import all_or_nothing, check_place
@@ -39,7 +40,7 @@ def camera_files_asked(
     if not files:
         return {}
     texts = [files] if isinstance(files, str | os.PathLike) else list(files)
-    measured = {row.photo for row in block.image_points}
+    measured = frozenset(columns_of(block.image_points).photo.values)
     used = list(dict.fromkeys(p.camera for p in block.photos if p.id in measured))
     alone = len(used) == 1
     cameras = {camera.id: camera for camera in block.cameras}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from anaplot.errors import InputError
 from anaplot.photogrammetry.block import Block
+from anaplot.photogrammetry.imagepoints import columns_of
 from anaplot.textfiles.wording import hint, quoted
 
 __all__ = ["refuse_unknown_points"]
@@ -21,7 +22,7 @@ def refuse_unknown_points(block: Block) -> None:
     """
     if not block.conditions:
         return
-    known = {row.point for row in block.image_points} | {row.point for row in block.control}
+    known = {*columns_of(block.image_points).point.values, *(row.point for row in block.control)}
     for one in block.conditions:
         for name in one.points:
             if name not in known:

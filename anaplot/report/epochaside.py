@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from anaplot.photogrammetry.block import Block, ImagePoint
+from anaplot.photogrammetry.imagepoints import columns_of
 from anaplot.report.document import Answer, Line, named, say
 
 __all__ = ["Aside", "aside_of"]
@@ -73,7 +74,11 @@ def aside_of(blocks: Sequence[Block]) -> Aside:
     """Return what of several epochs takes no part."""
     numbered = list(enumerate(blocks, start=1))
     return Aside(
-        tuple((k, row) for k, block in numbered for row in block.image_points if row.use != "xy"),
+        tuple(
+            (k, block.image_points[row])
+            for k, block in numbered
+            for row in columns_of(block.image_points).with_use("x", "y", "off").tolist()
+        ),
         tuple(k for k, block in numbered if block.conditions),
         tuple(k for k, block in numbered if block.priors),
     )

@@ -11,6 +11,7 @@ from anaplot.errors import InputError
 from anaplot.exchange.formats.door import Imported, ImportOptions, Note
 from anaplot.exchange.formats.registry import FORMATS, Format, format_of, module_of, recognised
 from anaplot.exchange.importedfolder import write_imported
+from anaplot.photogrammetry.imagepoints import columns_of
 from anaplot.report.columns import counted
 from anaplot.report.document import BLANK, Document, Line, say
 from anaplot.report.doorarguments import refuse_unused
@@ -68,7 +69,7 @@ def imported_document(chosen: Format, folder: Path, found: Imported) -> Document
     counts = {
         "photos": len(block.photos),
         "cameras": len(block.cameras),
-        "points": len({row.point for row in block.image_points}),
+        "points": len(columns_of(block.image_points).point.values),
         "rays": len(block.image_points),
         "control": sum(row.use == "control" for row in block.control),
         "check": sum(row.use == "check" for row in block.control),

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from anaplot.errors import InputError
+from anaplot.photogrammetry.imagepoints import ImagePoints
 from anaplot.textfiles.inputfile import open_input
 from anaplot.textfiles.wording import place, plain, reason
 
@@ -85,7 +86,7 @@ def _digest(what: str, asked: Any, names_files: bool) -> bytes:
         elif isinstance(one, Mapping):
             digest.update(f"{{{len(one)}".encode())
             waiting += [part for item in one.items() for part in item]
-        elif isinstance(one, list | tuple):
+        elif isinstance(one, list | tuple | ImagePoints):
             digest.update(f"[{len(one)}".encode())
             waiting += one
         elif isinstance(one, set | frozenset):

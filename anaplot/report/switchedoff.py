@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from anaplot.bundle.solve.adjusted import AdjustedBlock
+from anaplot.photogrammetry.imagepoints import columns_of
 from anaplot.report.document import Table, name, number, table
 
 __all__ = ["switched_off_table"]
@@ -48,7 +49,8 @@ def _rows(block: AdjustedBlock) -> Iterator[tuple[Any, ...]]:
 
 
 def _image_points(block: AdjustedBlock) -> Iterator[tuple[Any, ...]]:
-    off = [(k, row) for k, row in enumerate(block.problem.block.image_points) if row.use != "xy"]
+    points = block.problem.block.image_points
+    off = [(k, points[k]) for k in columns_of(points).with_use("x", "y", "off").tolist()]
     if not off:
         return
     aside = block.off_rays()

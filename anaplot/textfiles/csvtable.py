@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import csv
 import io
+import math
+from array import array
 from bisect import bisect_right
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import islice
 from pathlib import Path
 from typing import Any, cast
@@ -15,7 +17,7 @@ from anaplot.textfiles.inputfile import not_utf8, open_input
 from anaplot.textfiles.kinds import Fields, Kind, WrongValueError
 from anaplot.textfiles.wording import hint, place, quoted, reason
 
-__all__ = ["MAX_CSV_BYTES", "CsvColumns", "csv_text", "read_csv"]
+__all__ = ["MAX_CSV_BYTES", "CsvColumns", "csv_text", "csv_text_of_columns", "read_csv"]
 
 MAX_CSV_BYTES = 256_000_000
 
@@ -25,38 +27,119 @@ _BLANKS = " \t\v\f\r\x1c\x1d\x1e\x1f"  # all that strip takes of ASCII text, but
 _QUOTED = ('"', ",", "\n", "\r")
 
 
+class NumberColumn:
+    """A column of numbers; NaN where a field is blank."""
+
+    def __init__(self, kind: Kind[Any]) -> None:
+        self.kind = kind
+        self.numbers: array[float] = array("d")
+
+    def take(self, texts: Sequence[str]) -> None:
+        """Add the values of further fields; raises WrongValueError."""
+        self.numbers += self.kind.numbers(texts)
+
+    def listed(self) -> list[Any]:
+        """Return the value of every row."""
+        # no kind takes NaN for a number
+        return [None if number != number else number for number in self.numbers]
+
+
+class CodedColumn:
+    """A column of names or words: each value once, and which of them every row has."""
+
+    def __init__(self, kind: Kind[Any]) -> None:
+        self.kind = kind
+        self.values: list[Any] = []
+        self.index: array[int] = array("q")
+        self._codes = _Codes(kind, self.values)
+
+    def take(self, texts: Sequence[str]) -> None:
+        """Add the values of further fields; raises WrongValueError."""
+        self.index.extend(map(self._codes.__getitem__, texts))
+
+    def listed(self) -> list[Any]:
+        """Return the value of every row."""
+        return list(map(self.values.__getitem__, self.index))
+
+
+class _Codes(dict[str, int]):
+    """Where the value of a field stands among the values; a new field is looked at once."""
+
+    def __init__(self, kind: Kind[Any], values: list[Any]) -> None:
+        super().__init__()
+        self._kind, self._values = kind, values
+
+    def __missing__(self, text: str) -> int:
+        self._values.append(self._kind.of_text(text))
+        code = self[text] = len(self._values) - 1
+        return code
+
+
+def _blank(kind: Kind[Any], count: int) -> CodedColumn | NumberColumn:
+    """Return a column that the file does not have."""
+    if kind.numeric:
+        numbers = NumberColumn(kind)
+        numbers.numbers = array("d", [math.nan]) * count
+        return numbers
+    column = CodedColumn(kind)
+    column.values.append(None)
+    column.index = array("q", [0]) * count
+    return column
+
+
 class CsvColumns:
-    """The columns of a CSV file: lists of one length, by name.
+    """The columns of a CSV file, all of one length, by name.
 
     Parameters
     ----------
     path
         The file.
     columns
-        Values by the name of the column.
+        What stands in them, by name.
     starts
         (row, line) where the lines begin to differ from the rows by another number.
     header
         The columns that the file has, in its order.
+    count
+        Number of rows.
     """
 
     def __init__(
         self,
         path: Path,
-        columns: Mapping[str, list[Any]],
+        columns: Mapping[str, CodedColumn | NumberColumn],
         starts: Sequence[tuple[int, int]],
         header: Sequence[str],
+        count: int,
     ) -> None:
         self.header = tuple(header)
         self._path = path
         self._columns = columns
         self._starts = starts
+        self._count = count
 
     def __len__(self) -> int:
-        return len(next(iter(self._columns.values())))
+        return self._count
 
     def __getitem__(self, name: str) -> list[Any]:
-        return self._columns[name]
+        return self._columns[name].listed()
+
+    def numbers(self, name: str) -> array[float]:
+        """Return a column of numbers; NaN where a field is blank."""
+        column = self._columns[name]
+        if isinstance(column, CodedColumn):
+            raise TypeError(f"column {name} is none of numbers")
+        return column.numbers
+
+    def coded(self, name: str) -> tuple[tuple[Any, ...], array[int]]:
+        """Return the values of a column of names or words, and which of them each row has.
+
+        They stand in the order of their first rows.
+        """
+        column = self._columns[name]
+        if not isinstance(column, CodedColumn):
+            raise TypeError(f"column {name} is one of numbers")
+        return tuple(column.values), column.index
 
     def line(self, row: int) -> int:
         """Return the line of a row (from 0)."""
@@ -69,7 +152,7 @@ class CsvColumns:
 
     def refuse_twice(self, *key: str) -> None:
         """Refuse two rows that agree in some columns; raises InputError that names both lines."""
-        columns = [self._columns[name] for name in key]
+        columns = [self[name] for name in key]
         if len(set(zip(*columns, strict=True))) == len(self):
             return
         first: dict[tuple[Any, ...], int] = {}
@@ -111,36 +194,55 @@ def read_csv(
     kinds = {**required, **(optional or {})}
     for group in either:
         kinds |= group
-    columns: dict[str, list[Any]] = {name: [] for name in kinds}
     starts: list[tuple[int, int]] = [(0, 2)]
     count = 0
     with io.TextIOWrapper(open_input(path, MAX_CSV_BYTES), encoding="utf-8-sig") as file:
         blocks = _blocks(path, file)
-        header = _header(path, next(blocks, (1, [""]))[1][0], kinds, required, either)
-        for number, block in blocks:
-            for first, lines in _between_blank_lines(number, block):
+        header = _header(path, next(blocks, (1, ""))[1], kinds, required, either)
+        columns = {
+            name: NumberColumn(kinds[name]) if kinds[name].numeric else CodedColumn(kinds[name])
+            for name in header
+        }
+        for number, text in blocks:
+            for first, rows, fields in _parts(path, number, text, len(header)):
                 starts.append((count, first))
-                texts = dict(zip(header, _columns(path, first, lines, len(header)), strict=True))
-                for name, values in _values(path, first, texts, kinds).items():
-                    columns[name] += values
-                count += len(lines)
-    for name in kinds.keys() - set(header):
-        columns[name] = [None] * count
-    return CsvColumns(path, columns, starts, header)
+                _take(path, first, columns, fields)
+                count += rows
+    for name in kinds.keys() - columns.keys():
+        columns[name] = _blank(kinds[name], count)
+    return CsvColumns(path, columns, starts, header, count)
 
 
 def csv_text(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     """Return rows as the text of a CSV file; numbers with the digits that read back exactly."""
-    out = [_rows_text([header])]
+    out = [_text([[name] for name in header])]
     left = iter(rows)
     while some := list(islice(left, _ROWS)):
-        out.append(_rows_text(some))
+        out.append(_text(list(zip(*some, strict=True))))
     return "".join(out)
 
 
-def _rows_text(rows: Sequence[Sequence[object]]) -> str:
-    """Return rows as text, column by column; quoted are only those with a field that needs it."""
-    columns = [_texts(column) for column in zip(*rows, strict=True)]
+def csv_text_of_columns(
+    header: Sequence[str], count: int, columns: Callable[[slice], Sequence[Sequence[object]]]
+) -> str:
+    """Return `count` rows as the text of a CSV file, as `csv_text`, from some rows of each column.
+
+    Parameters
+    ----------
+    header
+        Names of the columns.
+    count
+        How many rows there are.
+    columns
+        Returns of each column what stands in some rows.
+    """
+    parts = (columns(slice(first, first + _ROWS)) for first in range(0, count, _ROWS))
+    return "".join([_text([[name] for name in header]), *map(_text, parts)])
+
+
+def _text(values: Sequence[Sequence[object]]) -> str:
+    """Return columns as text; quoted are only the rows with a field that needs it."""
+    columns = [_texts(column) for column in values]
     joined = "".join(map("".join, columns))
     if len(columns) > 1 and not any(mark in joined for mark in _QUOTED):
         return "\n".join([*map(",".join, zip(*columns, strict=True)), ""])
@@ -159,20 +261,33 @@ def _texts(column: Sequence[object]) -> Sequence[str]:
     return ["" if v is None else repr(float(v)) if isinstance(v, float) else str(v) for v in column]
 
 
-def _blocks(path: Path, file: io.TextIOWrapper) -> Iterator[tuple[int, list[str]]]:
+def _blocks(path: Path, file: io.TextIOWrapper) -> Iterator[tuple[int, str]]:
     """Yield the lines of a file, many at a time, and the number of the first."""
     number = 1
     try:
         text = file.readline()
         while text:
-            lines = text.removesuffix("\n").split("\n")
-            yield number, lines
-            number += len(lines)
+            yield number, text.removesuffix("\n")
+            number += text.count("\n")
             text = file.read(_BLOCK) + file.readline()
     except UnicodeDecodeError:
         raise not_utf8(path, _line_not_utf8(path)) from None
     except OSError as error:
         raise InputError(f"{place(path)}: cannot be read: {reason(error)}") from error
+
+
+def _parts(
+    path: Path, number: int, text: str, width: int
+) -> Iterator[tuple[int, int, list[list[str]]]]:
+    """Yield lines between blank ones: number of the first, how many, their fields by column."""
+    columns = _plain_columns(text, width)
+    if columns is not None:
+        yield number, len(columns[0]), columns
+        return
+    for first, lines in _between_blank_lines(number, text.split("\n")):
+        part = "\n".join(lines)
+        columns = _plain_columns(part, width) or _careful_columns(path, first, lines, width)
+        yield first, len(lines), columns
 
 
 def _between_blank_lines(first: int, lines: list[str]) -> Iterator[tuple[int, list[str]]]:
@@ -186,22 +301,34 @@ def _between_blank_lines(first: int, lines: list[str]) -> Iterator[tuple[int, li
         yield first + begin, lines[begin:]
 
 
-def _columns(path: Path, first: int, lines: list[str], width: int) -> list[list[str]]:
-    """Return the fields of lines by column."""
+def _plain_columns(text: str, width: int) -> list[list[str]] | None:
+    """Return the fields of lines by column; None where that takes a look at every line."""
+    if '"' in text or width == 1:
+        return None
     # a mark between lines: where it is every field behind width others, all have as many
-    text = ",\n,".join(lines)
-    fields = text.split(",") if '"' not in text else []
-    if len(fields) == (width + 1) * len(lines) - 1 and set(fields[width :: width + 1]) <= {"\n"}:
-        step = width + 1
-    else:
-        fields, step = [], width
-        for number, line in enumerate(lines, first):
-            row = _fields(path, number, line)
-            if len(row) != width:
-                count = "1 field" if len(row) == 1 else f"{len(row)} fields"
-                raise _fault(path, number, None, f"{count}, the header has {width}")
-            fields += row
-    columns = [fields[column::step] for column in range(width)]
+    fields = text.replace("\n", ",\n,").split(",")
+    step = width + 1
+    if len(fields) % step != width:
+        return None
+    marks = fields[width::step]
+    if marks.count("\n") != len(marks) or len(marks) != text.count("\n"):
+        return None
+    return _stripped(text, [fields[column::step] for column in range(width)])
+
+
+def _careful_columns(path: Path, first: int, lines: list[str], width: int) -> list[list[str]]:
+    """Return the fields of lines by column, looked at line by line."""
+    rows = []
+    for number, line in enumerate(lines, first):
+        row = _fields(path, number, line)
+        if len(row) != width:
+            count = "1 field" if len(row) == 1 else f"{len(row)} fields"
+            raise _fault(path, number, None, f"{count}, the header has {width}")
+        rows.append(row)
+    return _stripped("\n".join(lines), [list(column) for column in zip(*rows, strict=True)])
+
+
+def _stripped(text: str, columns: list[list[str]]) -> list[list[str]]:
     if text.isascii() and not any(blank in text for blank in _BLANKS):
         return columns
     return [list(map(str.strip, column)) for column in columns]
@@ -259,21 +386,22 @@ def _column_fault(names: list[str], known: Fields) -> str:
     return ""
 
 
-def _values(
-    path: Path, first: int, texts: Mapping[str, list[str]], kinds: Fields
-) -> dict[str, list[Any]]:
-    """Return the values of some rows by column; the fault of the first row that has one."""
-    found: dict[str, list[Any]] = {}
+def _take(
+    path: Path,
+    first: int,
+    columns: Mapping[str, CodedColumn | NumberColumn],
+    fields: Sequence[Sequence[str]],
+) -> None:
+    """Add the values of some rows to the columns; the fault of the first row that has one."""
     wrong: list[tuple[int, str, str]] = []
-    for name, column in texts.items():
+    for (name, column), texts in zip(columns.items(), fields, strict=True):
         try:
-            found[name] = kinds[name].column(column)
+            column.take(texts)
         except WrongValueError:
-            wrong.append(_first_wrong(name, kinds[name], column))
+            wrong.append(_first_wrong(name, column.kind, texts))
     if wrong:
         row, name, message = min(wrong, key=lambda fault: fault[0])
         raise _fault(path, first + row, name, message)
-    return found
 
 
 def _first_wrong(name: str, kind: Kind[Any], column: Sequence[str]) -> tuple[int, str, str]:

@@ -7,6 +7,7 @@ than 0, not -1"); the reader puts file, line, table and key before them.
 from __future__ import annotations
 
 import math
+from array import array
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any, Generic, TypeVar
 
@@ -83,10 +84,14 @@ class Kind(Generic[T]):
         """Return what a field of a CSV file stands for."""
         return self.of(text)
 
-    def column(self, texts: Sequence[str]) -> list[T]:
-        """Return what the fields of a column stand for; what comes again is looked at once."""
-        known = {text: self.of_text(text) for text in dict.fromkeys(texts)}
-        return [known[text] for text in texts]
+    @property
+    def numeric(self) -> bool:
+        """Whether it stands for a number, and `numbers` takes a whole column."""
+        return False
+
+    def numbers(self, texts: Sequence[str]) -> array[float]:
+        """Return the numbers of a column, where they are; NaN for what may be blank and is."""
+        raise NotImplementedError
 
 
 Fields = Mapping[str, Kind[Any]]
@@ -129,12 +134,17 @@ class Number(Kind[float]):
             f"must be a finite number, not {quoted(text)}" if text else "is empty"
         )
 
-    def column(self, texts: Sequence[str]) -> list[float]:
+    @property
+    def numeric(self) -> bool:
+        """It does."""
+        return True
+
+    def numbers(self, texts: Sequence[str]) -> array[float]:
         """Return the numbers of a column, at the speed of their parsing."""
         try:
-            numbers = list(map(float, texts))
+            numbers = array("d", map(float, texts))
         except ValueError:
-            return list(map(self.of_text, texts))
+            return array("d", map(self.of_text, texts))
         if not numbers:
             return numbers
         joined = "".join(texts)
@@ -142,7 +152,7 @@ class Number(Kind[float]):
         good = joined.isascii() and "_" not in joined and math.isfinite(sum(numbers))
         if good and (self._unbounded or all(map(self._holds, (min(numbers), max(numbers))))):
             return numbers
-        return list(map(self.of_text, texts))
+        return array("d", map(self.of_text, texts))
 
     def _holds(self, number: float) -> bool:
         if self._inside:
@@ -182,12 +192,12 @@ class Sigma(Number):
             )
         return number
 
-    def column(self, texts: Sequence[str]) -> list[float]:
+    def numbers(self, texts: Sequence[str]) -> array[float]:
         """Return the numbers of a column, at the speed of their parsing."""
-        numbers = super().column(texts)
+        numbers = super().numbers(texts)
         if all(map(self._weighed, numbers)):
-            return [abs(number) for number in numbers]
-        return list(map(self.of_text, texts))
+            return array("d", map(abs, numbers))
+        return array("d", map(self.of_text, texts))
 
     def _weighed(self, number: float) -> bool:
         return number == 0.0 or self._SMALLEST <= number <= self._LARGEST
@@ -512,12 +522,17 @@ class Blank(Kind[T | None], Generic[T]):
         """Return None for a blank field."""
         return self._kind.of_text(text) if text else None
 
-    def column(self, texts: Sequence[str]) -> list[T | None]:
-        """Return the fields of a column, at the speed of the other kind."""
+    @property
+    def numeric(self) -> bool:
+        """As the other kind."""
+        return self._kind.numeric
+
+    def numbers(self, texts: Sequence[str]) -> array[float]:
+        """Return the numbers of a column, at the speed of the other kind; NaN for a blank field."""
         if not any(texts):
-            return [None] * len(texts)
-        filled = iter(self._kind.column([text for text in texts if text]))
-        return [next(filled) if text else None for text in texts]
+            return array("d", [math.nan]) * len(texts)
+        filled = iter(self._kind.numbers([text for text in texts if text]))
+        return array("d", [next(filled) if text else math.nan for text in texts])
 
 
 NUMBER = Number()

@@ -88,7 +88,7 @@ def test_a_column_of_numbers_is_taken_as_each_of_them(texts: list[str]) -> None:
     for kind in (NUMBER, SIGMA):
         found = []
         for taken in (
-            kind.column,
+            lambda column, kind=kind: list(kind.numbers(column)),
             lambda column, kind=kind: [kind.of_text(text) for text in column],
         ):
             try:

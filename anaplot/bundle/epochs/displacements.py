@@ -37,6 +37,7 @@ from anaplot.bundle.solve.problem import Datum
 from anaplot.errors import InputError
 from anaplot.photogrammetry.block import Block
 from anaplot.photogrammetry.givenmovement import GivenMovement
+from anaplot.photogrammetry.imagepoints import columns_of
 
 __all__ = ["compare_epochs", "compare_series"]
 
@@ -269,8 +270,8 @@ def _together(
 def _points_in_order(block: AdjustedBlock) -> list[str]:
     """Return the points that take part, in the order of the file."""
     there = set(block.problem.points)
-    rows = block.problem.block.image_points
-    return [name for name in dict.fromkeys(row.point for row in rows) if name in there]
+    names = columns_of(block.problem.block.image_points).point.values
+    return [name for name in names if name in there]
 
 
 def _check_tests(blocks: Sequence[Block]) -> None:

@@ -114,8 +114,9 @@ def joint_block(
                 for s in block.strips
             ]
         chosen = range(len(block.image_points)) if used is None else sorted(used[k])
+        measured = tuple(block.image_points)
         for at in chosen:
-            row = block.image_points[at]
+            row = measured[at]
             sigma = block.precision.image_um if row.sigma_um is None else row.sigma_um
             point = row.point + _point_mark(row.point, k, common, count)
             rows.append(replace(row, photo=row.photo + mark, point=point, sigma_um=sigma))

@@ -13,6 +13,7 @@ from anaplot.adjustment.significance import TESTABLE
 from anaplot.adjustment.tested import sigma0_known
 from anaplot.aliases import Array
 from anaplot.bundle.solve.adjusted import AdjustedBlock
+from anaplot.photogrammetry.imagepoints import columns_of
 
 __all__ = ["SuspectRay", "explained", "suspect_rays"]
 
@@ -59,10 +60,11 @@ def suspect_rays(block: AdjustedBlock, point: str) -> tuple[SuspectRay, ...]:
     logs = np.array(weighed.logs)
     weights = np.exp(logs - logs.max())
     weights /= weights.sum()
+    models = columns_of(problem.block.image_points).model
     found = [
         SuspectRay(
             problem.photos[problem.photo[ray]],
-            problem.block.image_points[problem.source[ray]].model,
+            models.at(problem.source[ray]),
             statistic,
             weight,
         )

@@ -35,6 +35,7 @@ from anaplot.bundle.solve.rows import (
 )
 from anaplot.bundle.solve.selection import left_out_sentences
 from anaplot.photogrammetry.block import ControlPoint
+from anaplot.photogrammetry.imagepoints import columns_of
 from anaplot.photogrammetry.rotation import rotation_angles, rotation_axes
 
 __all__ = ["AdjustedBlock", "observation_in_words"]
@@ -252,6 +253,7 @@ class AdjustedBlock:
     def ray_rows(self) -> Iterator[RayRow]:
         """Return the image points in file order."""
         problem = self.problem
+        points = columns_of(problem.block.image_points)
         order = np.argsort(problem.source)
         for start in range(0, len(order), _PORTION):
             part = order[start : start + _PORTION]
@@ -259,8 +261,8 @@ class AdjustedBlock:
             for source, x, y in zip(
                 problem.source[part].tolist(), rows[::2], rows[1::2], strict=True
             ):
-                row = problem.block.image_points[source]
-                yield RayRow(source, row.photo, row.point, row.model, (x, y))
+                photo, point = points.photo.at(source), points.point.at(source)
+                yield RayRow(source, photo, point, points.model.at(source), (x, y))
 
     def control_rows(self) -> list[Observation[ObservationName]]:
         """Return the weighted control coordinates in the order of the control file."""
@@ -428,12 +430,9 @@ class AdjustedBlock:
         """
         problem = self.problem
         rays, q = self.cofactors.point_rays(self.point_number(point))
+        models = columns_of(problem.block.image_points).model
         labels = [
-            (
-                problem.photos[problem.photo[k]],
-                problem.block.image_points[problem.source[k]].model,
-                axis,
-            )
+            (problem.photos[problem.photo[k]], models.at(problem.source[k]), axis)
             for k in rays.tolist()
             for axis in "xy"
         ]

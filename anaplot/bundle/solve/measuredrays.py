@@ -35,7 +35,7 @@ def check_rows(block: Block, xy: Array, sigmas: Array) -> None:
     bad = np.nonzero(~((sigmas > 0.0) & np.isfinite(sigmas)))[0]
     if len(bad):
         row = block.image_points[int(bad[0])]
+        sigma = sigmas[bad[0]] if row.sigma_um is None else row.sigma_um
         raise InputError(
-            f"image point {row.point} of photo {row.photo}: "
-            f"the sigma {sigmas[bad[0]]:g} um must be positive"
+            f"image point {row.point} of photo {row.photo}: the sigma {sigma:g} um must be positive"
         )

@@ -30,6 +30,7 @@ from anaplot.bundle.solve.priorbending import check_linear
 from anaplot.bundle.solve.selection import LeftOut, select_rays
 from anaplot.errors import InputError, NotComputableError
 from anaplot.photogrammetry.block import Block, ControlPoint, TestSettings
+from anaplot.photogrammetry.imagepoints import PointColumns, columns_of
 from anaplot.photogrammetry.rotation import rotation_matrix
 
 __all__ = ["Datum", "LeftOut", "Problem", "listed", "make_problem", "remeasured"]
@@ -403,21 +404,16 @@ def make_problem(
     held = datum == "control"
     control = control_points(block)
     photo_names = {p.id: k for k, p in enumerate(block.photos)}
-    rows = block.image_points
-    if not rows:
+    rows = columns_of(block.image_points)
+    if not len(rows):
         raise InputError(f"block {block.name}: no image points")
-    every_xy = np.array([(r.x, r.y) for r in rows])
-    sigmas = np.array(
-        [block.precision.image_um if r.sigma_um is None else r.sigma_um for r in rows]
-    )
+    every_xy = rows.xy
+    sigmas = np.full(len(rows), block.precision.image_um)
+    if rows.sigma_um is not None:
+        sigmas = np.where(np.isnan(rows.sigma_um), sigmas, rows.sigma_um)
     check_rows(block, every_xy, sigmas)
-    stray = next((r for r in rows if r.photo not in photo_names), None)
-    if stray is not None:
-        raise InputError(f"image point {stray.point}: unknown photo {stray.photo}")
-    point_names: dict[str, int] = {}
-    photo = np.array([photo_names[r.photo] for r in rows], dtype=np.intp)
-    point = np.array([point_names.setdefault(r.point, len(point_names)) for r in rows], np.intp)
-    names = list(point_names)
+    photo, point = _photos_of(block, rows, photo_names), rows.point.index
+    names = list(rows.point.values)
     known, known_sigma, fixed = known_coordinates(block, names, control, held)
     priors = stated_orientations(block, held)
     located = None
@@ -427,9 +423,8 @@ def make_problem(
         located.approximate(priors[0], priors[1], 0)
         located.approximate(priors[2], priors[3], 3)
     expected, expected_sigma, not_needed = expected_coordinates(block, names, fixed, held)
-    each = {row.use: row for row in rows}.values()
-    of_use = {row.use: [row.counts("x"), row.counts("y")] for row in each}
-    counted = np.array([of_use[row.use] for row in rows])
+    counts = [[one != "off" and axis in one for axis in "xy"] for one in rows.use.values]
+    counted = np.array(counts)[rows.use.index]
     has_prior = np.isfinite(priors[1]).sum(axis=1) + np.isfinite(priors[3]).sum(axis=1)
     observed = (fixed | np.isfinite(known_sigma) | np.isfinite(expected_sigma)).sum(axis=1)
     if located is not None:
@@ -439,10 +434,11 @@ def make_problem(
         block, photo, point, counted, names, observed, has_prior, undetermined or {}
     )
     left_out += [LeftOut("prior", *one) for one in not_needed]
+    measured = frozenset(names)
     left_out += [
         LeftOut("control", name, "is not measured in any photo")
         for name, row in control.items()
-        if name not in point_names and row.use == "control"
+        if name not in measured and row.use == "control"
     ]
     ray = np.nonzero(useful)[0]
     if len(ray) == 0:
@@ -534,6 +530,16 @@ def make_problem(
             check_linear(given)
         problem = replace(problem, given=given)
     return _parted(problem, count_of_rays, ~counted[ray])
+
+
+def _photos_of(block: Block, rows: PointColumns, number: Mapping[str, int]) -> Index:
+    """Return (n,) photos of image points; raises InputError where one is not of the block."""
+    of_name = np.array([number.get(name, -1) for name in rows.photo.values], dtype=np.intp)
+    photo = of_name[rows.photo.index]
+    if (of_name < 0).any():
+        stray = block.image_points[int((photo < 0).argmax())]
+        raise InputError(f"image point {stray.point}: unknown photo {stray.photo}")
+    return photo
 
 
 def remeasured(problem: Problem, block: Block, ideal: Array) -> Problem:

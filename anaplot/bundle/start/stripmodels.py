@@ -8,6 +8,7 @@ import numpy as np
 
 from anaplot.aliases import Array, Bools, Index
 from anaplot.bundle.solve.problem import Problem
+from anaplot.photogrammetry.imagepoints import columns_of
 from anaplot.photogrammetry.selection import model_name
 
 __all__ = ["StripModels", "strip_models"]
@@ -105,7 +106,8 @@ def _names_of_rows(problem: Problem, names: list[str]) -> tuple[Index, Index]:
     """
     number: dict[str | None, int] = {None: -1}
     of_model = [number.setdefault(name, len(number)) for name in names]
-    of_row = [number.get(row.model, 0) for row in problem.block.image_points]
+    models = columns_of(problem.block.image_points).model
+    of_row = models.each(lambda model: number.get(model, 0)).listed()
     return np.array(of_row, dtype=np.intp)[problem.source], np.array(of_model, dtype=np.intp)
 
 

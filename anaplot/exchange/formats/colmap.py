@@ -41,6 +41,7 @@ from anaplot.photogrammetry.block import (
     Precision,
     TestSettings,
 )
+from anaplot.photogrammetry.imagepoints import columns_of
 from anaplot.photogrammetry.rotation import rotation_angles
 from anaplot.textfiles.names import name_fault
 from anaplot.textfiles.wording import place, quoted
@@ -233,7 +234,7 @@ def _photo(image: ColmapImage, camera: Camera, model: ColmapModel) -> Photo:
 
 
 def _comments(source: Path, model: ColmapModel, block: Block) -> tuple[str, ...]:
-    off = sum(point.use == "off" for point in block.image_points)
+    off = len(columns_of(block.image_points).with_use("off"))
     return (
         f"{block.name}: a COLMAP model, brought in from {source}",
         f"{len(block.photos)} of {len(model.images)} images, {len(model.points)} points, "

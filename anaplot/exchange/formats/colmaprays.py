@@ -21,8 +21,9 @@ from anaplot.exchange.formats.colmapcamera import (
 from anaplot.exchange.formats.colmapmodel import ColmapImage, ColmapModel
 from anaplot.exchange.formats.door import Note
 from anaplot.exchange.formats.measuredrays import RayColumns, enlarged, magnified
-from anaplot.photogrammetry.block import Camera, in_pixels
+from anaplot.photogrammetry.block import Camera, Use, in_pixels
 from anaplot.photogrammetry.camera import BrownLens
+from anaplot.photogrammetry.imagepoints import Coded
 
 __all__ = ["ModelRays", "rays_of"]
 
@@ -88,22 +89,26 @@ def _columns(
     sigma_um: float,
 ) -> RayColumns:
     """Return the rays of images: their places, and how much larger some errors are, by image."""
-    photo: list[str] = []
-    point: list[str] = []
-    sigma: list[float | None] = []
-    names: dict[int, str] = {}
-    for image in images:
-        numbers = image.point.tolist()
-        photo += [image.name] * len(numbers)
-        # a name is one object for all rays of its point
-        point += [names.get(k) or names.setdefault(k, str(k)) for k in numbers]
-        if image.id in larger:
-            sigma += [enlarged(sigma_um, value) for value in larger[image.id].tolist()]
-        else:
-            sigma += [None] * len(numbers)
-    n = len(photo)
+    counts = [len(image.point) for image in images]
+    numbers = np.concatenate([np.empty(0, np.intp), *(image.point for image in images)])
+    sigma = None
+    if larger:
+        sigma = np.concatenate(
+            [
+                np.array(
+                    [enlarged(sigma_um, value) for value in larger[image.id].tolist()], np.float64
+                )
+                if image.id in larger
+                else np.full(count, np.nan)
+                for image, count in zip(images, counts, strict=True)
+            ]
+        )
+    n = len(numbers)
+    photo = Coded(tuple(image.name for image in images), np.repeat(np.arange(len(images)), counts))
     xy = np.concatenate([np.empty((0, 2)), *(places[image.id] for image in images)])
-    return RayColumns(photo, point, xy, sigma, ["xy"] * n, [None] * n)
+    uses: Coded[Use] = Coded.same("xy", n)
+    point = Coded.numbered(numbers).each(str)
+    return RayColumns(photo, point, xy, sigma, uses, Coded.same(None, n))
 
 
 def _camera(

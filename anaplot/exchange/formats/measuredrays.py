@@ -4,16 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import compress
-from operator import ne
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from anaplot.aliases import Array, Bools
 from anaplot.exchange.formats.door import Note
-from anaplot.photogrammetry.block import Camera, ImagePoint, Use, image_points
-from anaplot.photogrammetry.measuredimage import ideal_rays, mm_of_pixels
+from anaplot.photogrammetry.block import Camera, ImagePoint, Use
+from anaplot.photogrammetry.imagepoints import (
+    Coded,
+    ImagePoints,
+    PointColumns,
+    paired,
+    sigma_column,
+    stand_again,
+)
+from anaplot.photogrammetry.measuredimage import ideal_rays, mm_of_pixels, rows_by_camera
 
 __all__ = [
     "TWICE",
@@ -60,14 +66,17 @@ class MeasuredRay(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RayColumns:
-    """Rays of another program's file by columns, as `MeasuredRay` has them; xy is (n, 2)."""
+    """Rays of another program's file by columns, as `PointColumns` has image points.
 
-    photo: Sequence[str]
-    point: Sequence[str]
+    But for xy: (n, 2) as `MeasuredRay` has x and y.
+    """
+
+    photo: Coded[str]
+    point: Coded[str]
     xy: Array
-    sigma_um: Sequence[float | None]
-    use: Sequence[Use]
-    reason: Sequence[str | None]
+    sigma_um: Array | None
+    use: Coded[Use]
+    reason: Coded[str | None]
 
     def __len__(self) -> int:
         return len(self.photo)
@@ -75,16 +84,21 @@ class RayColumns:
     @classmethod
     def of(cls, rays: Sequence[MeasuredRay]) -> RayColumns:
         """Return rays by columns."""
-        if not rays:
-            return cls((), (), np.empty((0, 2)), (), (), ())
-        photo, point, x, y, sigma, use, reason = zip(*rays, strict=True)
-        xy = np.array([x, y], dtype=np.float64).T
-        return cls(photo, point, xy, sigma, use, reason)
+        every: list[Any] = list(zip(*rays, strict=True)) or [()] * len(MeasuredRay._fields)
+        photo, point, x, y, sigma, use, reason = every
+        return cls(
+            Coded.of(photo),
+            Coded.of(point),
+            paired(x, y),
+            sigma_column(sigma),
+            Coded.of(use),
+            Coded.of(reason),
+        )
 
 
 def image_points_of(
     rays: Sequence[MeasuredRay] | RayColumns, camera_of: Mapping[str, Camera], *, pixels: bool
-) -> tuple[tuple[ImagePoint, ...], tuple[Note, ...]]:
+) -> tuple[ImagePoints, tuple[Note, ...]]:
     """Return image points in the order of the rays, and what was done to some of them.
 
     Parameters
@@ -108,28 +122,26 @@ def image_points_of(
     rays = rays if isinstance(rays, RayColumns) else RayColumns.of(rays)
     ideal, outside, unseen, lost = _ideal(rays, camera_of, pixels=pixels)
     left_out = outside | unseen | lost
-    names = _numbered(rays, left_out)
-    doubled = list(map(ne, names, rays.point))
-    twice = np.array(doubled, dtype=bool) & ~left_out
-    use, reason = list(rays.use), list(rays.reason)
-    for k in np.flatnonzero(twice).tolist():
-        use[k], reason[k] = "off", TWICE
-    measured: list[tuple[float, float] | None] = list(
-        zip(*(axis.tolist() for axis in rays.xy.T), strict=True)
-    )
+    renamed = _renamed(rays, left_out)
+    twice: Bools = np.zeros(len(rays), dtype=bool)
+    twice[list(renamed)] = True
+    measured: Array | None = rays.xy
     if not pixels:
-        through = {photo: camera.lens is not None for photo, camera in camera_of.items()}
-        measured = [
-            at if through[photo] else None for photo, at in zip(rays.photo, measured, strict=True)
-        ]
-    x, y = (axis.tolist() for axis in ideal.T)
-    none = [None] * len(rays)
-    columns: list[Sequence[Any]] = [
-        *(rays.photo, names, x, y, rays.sigma_um, none, use, reason, measured)
-    ]
-    if left_out.any():
-        kept = (~left_out).tolist()
-        columns = [list(compress(column, kept)) for column in columns]
+        through = [camera_of[photo].lens is not None for photo in rays.photo.values]
+        seen = np.array(through, dtype=bool)[rays.photo.index]
+        measured = np.where(seen[:, None], rays.xy, np.nan) if seen.any() else None
+    columns = PointColumns(
+        rays.photo,
+        rays.point.put(renamed),
+        ideal,
+        rays.sigma_um,
+        Coded.same(None, len(rays)),
+        rays.use.put(dict.fromkeys(renamed, "off")),
+        rays.reason.put(dict.fromkeys(renamed, TWICE)),
+        measured,
+    )
+    if renamed or left_out.any():
+        columns = columns.of(np.flatnonzero(~left_out))
     notes = [
         Note("dropped", int(mask.sum()), text, _some(rays, mask))
         for mask, text in (
@@ -141,7 +153,7 @@ def image_points_of(
     if twice.any():
         text = "rays of a point that is in the photo already: kept with ~2, and do not count"
         notes.append(Note("doubled", int(twice.sum()), text, _some(rays, twice)))
-    return image_points(*columns), tuple(notes)
+    return ImagePoints(columns=columns), tuple(notes)
 
 
 def kept_names(
@@ -153,7 +165,13 @@ def kept_names(
     """
     rays = rays if isinstance(rays, RayColumns) else RayColumns.of(rays)
     _, outside, unseen, lost = _ideal(rays, camera_of, pixels=pixels)
-    return _numbered(rays, outside | unseen | lost)
+    left_out = outside | unseen | lost
+    names: list[str | None] = list(rays.point.listed())
+    for k, name in _renamed(rays, left_out).items():
+        names[k] = name
+    for k in np.flatnonzero(left_out).tolist():
+        names[k] = None
+    return names
 
 
 def measured_anew(row: ImagePoint, x: float, y: float) -> bool:
@@ -188,13 +206,7 @@ def _ideal(
     lost: Bools = np.isnan(places[:, 0] + places[:, 1])
     ideal = np.zeros_like(places)
     outside: Bools = np.zeros(len(rays), dtype=bool)
-    photos = dict.fromkeys(rays.photo)
-    known = {camera_of[photo].id: camera_of[photo] for photo in photos}
-    number = {name: k for k, name in enumerate(known)}
-    of_photo = {photo: number[camera_of[photo].id] for photo in photos}
-    of_ray = np.fromiter(map(of_photo.__getitem__, rays.photo), np.intp, len(rays))
-    for name, camera in known.items():
-        rows = np.flatnonzero(of_ray == number[name])
+    for camera, rows in rows_by_camera(rays.photo, camera_of):
         mine = places[rows]
         if pixels and camera.pixels is not None:
             low, high = -_BESIDE, np.array(camera.pixels) + _BESIDE
@@ -209,42 +221,32 @@ def _ideal(
     return ideal, outside, unseen, lost
 
 
-def _numbered(rays: RayColumns, left_out: Bools) -> list[str | None]:
-    """Return names that stand once in every photo; None for what is left out."""
-    names: list[str | None] = list(rays.point)
-    for k in np.flatnonzero(left_out).tolist():
-        names[k] = None
-    again = np.flatnonzero(_stands_again(rays) & ~left_out).tolist()
+def _renamed(rays: RayColumns, left_out: Bools) -> dict[int, str]:
+    """Return names of rays whose point stands in its photo already, so that none stands twice."""
+    again = np.flatnonzero(stand_again(rays.photo, rays.point) & ~left_out).tolist()
+    if not again:
+        return {}
     # a name that is made has the mark: others cannot be in its way
-    taken = {pair for pair in zip(rays.photo, rays.point, strict=True) if "~" in pair[1]}
+    marked = np.array(["~" in name for name in rays.point.values], dtype=bool)
+    taken = {
+        (rays.photo.at(k), rays.point.at(k))
+        for k in np.flatnonzero(marked[rays.point.index]).tolist()
+    }
     times: dict[tuple[str, str], int] = {}
+    names: dict[int, str] = {}
     for k in again:
-        photo, point = key = rays.photo[k], rays.point[k]
+        photo, point = key = rays.photo.at(k), rays.point.at(k)
         name, number = point, times.get(key, 0)
         if number:
             while (photo, name) in taken or name == point:
                 number += 1
                 name = f"{point}~{number}"
             taken.add((photo, name))
+            names[k] = name
         times[key] = max(number, 1)
-        names[k] = name
     return names
-
-
-def _stands_again(rays: RayColumns) -> Bools:
-    """Return (n,) which rays are of points that stand more than once in their photo."""
-    n = len(rays)
-    photos, points = (
-        {name: k for k, name in enumerate(dict.fromkeys(column))}
-        for column in (rays.photo, rays.point)
-    )
-    key = np.fromiter(map(photos.__getitem__, rays.photo), np.int64, n) * len(points)
-    key += np.fromiter(map(points.__getitem__, rays.point), np.int64, n)
-    ordered = np.sort(key)
-    twice = ordered[1:][ordered[1:] == ordered[:-1]]
-    return np.isin(key, twice)
 
 
 def _some(rays: RayColumns, mask: Bools) -> tuple[str, ...]:
     some = np.flatnonzero(mask)[:_EXAMPLES].tolist()
-    return tuple(f"{rays.photo[k]}: {rays.point[k]}" for k in some)
+    return tuple(f"{rays.photo.at(k)}: {rays.point.at(k)}" for k in some)
