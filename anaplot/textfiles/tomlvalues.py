@@ -10,6 +10,8 @@ import re
 import tomllib
 from typing import Any
 
+from anaplot.textfiles.tomlplain import PlainTables, plain_tables
+
 __all__ = ["MOST_DOTS", "TomlError", "toml_values"]
 
 MOST_DOTS = 32
@@ -65,6 +67,30 @@ def toml_values(text: str) -> dict[str, Any]:
         It is not TOML, or nested more deeply than anything that is read.
     """
     _refuse_many_dots(text)
+    return _of_plain_tables(text) or _parsed(text)
+
+
+def _of_plain_tables(text: str) -> dict[str, Any] | None:
+    """Return what a text says that ends with plain tables; None: it does not, or is not TOML."""
+    ends: list[PlainTables] = []
+    before = text
+    while (found := plain_tables(before)) is not None:
+        ends.append(found)
+        before = found.before
+    if not ends:
+        return None
+    try:
+        values = _parsed(before)
+    except TomlError:
+        return None
+    for one in reversed(ends):
+        if one.name in values:
+            return None
+        values[one.name] = one.tables
+    return values
+
+
+def _parsed(text: str) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:

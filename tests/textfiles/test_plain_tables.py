@@ -1,0 +1,73 @@
+"""Plain tables at the end of a TOML text are read as tomllib reads them, or left to it."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from anaplot.errors import InputError
+from anaplot.textfiles.tomlplain import plain_tables
+from anaplot.textfiles.tomltable import parse_toml
+from anaplot.textfiles.tomlvalues import TomlError, toml_values
+
+KEYS = st.sampled_from(["id", "camera", "position", "a-b", "1", "base"])
+VALUES = st.sampled_from(
+    [
+        *('"x"', '"\u00e4 b"', '""', '"a = b"', '"[[photo]]"', '",}"', '"},{"', r'"\u0041"', "'y'"),
+        *("0.1", "-1e-7", "1E+05", "-0", "-0.0", "12", "1_000", "0x10", "nan", "01", "1.", "1e400"),
+        *("[1.0, -2]", '["p", "q"]', "[]", "[1,2]", "[[1.0], [2.0]]", "true", "2020-01-01"),
+        *('{ omega = 0.1, unit = "deg" }', "{}", "{ a = 1, a = 2 }", "{ a.b = 1 }", "null"),
+        *('"""', "'''", "[", '"a" # said', '"\x7f"', '"\t"', "9" * 5000),
+    ]
+)
+LINES = st.one_of(
+    st.sampled_from(["[[photo]]", "[[photo]]", "[[strip]]", "[photo]", "[photo.lens]", "[[a.b]]"]),
+    st.sampled_from(["", "", "# said", " ", '"""', "'''", "]", "photo.id = 1", "[[photo]] # one"]),
+    st.builds("{} = {}".format, KEYS, VALUES),
+    st.builds("{} = {}".format, KEYS, st.sampled_from(['"x"', "0.5", "[0.1, 2.0]"])),
+)
+
+
+@given(st.lists(LINES, max_size=14), st.sampled_from(["\n", "\n", "\r\n"]), st.booleans())
+def test_texts_say_what_tomllib_reads(lines: list[str], end: str, closed: bool) -> None:
+    text = end.join(lines) + (end if closed else "")
+    try:
+        expected = repr(tomllib.loads(text))  # the order of keys, and of what kind a number is
+    except ValueError:
+        with pytest.raises(TomlError):
+            toml_values(text)
+    else:
+        assert repr(toml_values(text)) == expected
+
+
+def test_what_programs_write_is_plain() -> None:
+    photo = (
+        '[[photo]]\nid = "DSC 1.jpg"\ncamera = "c"\nposition = [1.5, -2e-05, 3.0]\n'
+        'rotation = { omega = -0.1, phi = 0.0, kappa = 3.1, unit = "rad" }\ntime = 4.0\n'
+    )
+    strips = '[[strip]]\nid = "1"\nphotos = ["DSC 1.jpg", "2"]\n\n'
+    found = plain_tables(f"format = 1\n\n{strips}{photo}\n{photo}")
+    assert found is not None
+    assert (found.name, len(found.tables)) == ("photo", 2)
+    assert found.tables[1] == tomllib.loads(photo)["photo"][0]
+    before = plain_tables(found.before)
+    assert before is not None
+    assert (before.name, before.before) == ("strip", "format = 1\n\n")
+
+
+@pytest.mark.parametrize(
+    ("last", "why"),
+    [
+        ("id = x", "line 9: not valid TOML"),
+        ('id = "3"\nid = "3"', "line 10: not valid TOML"),
+        ('id = "3"\nbase = ', "line 10: not valid TOML"),
+    ],
+)
+def test_what_is_wrong_behind_plain_tables_keeps_its_line(last: str, why: str) -> None:
+    text = '[[photo]]\nid = "1"\n\n[[photo]]\nid = "2"\n\n\n[[photo]]\n' + last + "\n"
+    with pytest.raises(InputError, match=why):
+        parse_toml(text, Path("block.toml"))
