@@ -155,7 +155,8 @@ def parse_block_toml(text: str, path: Path, camera_files: Mapping[str, str] | No
     ground = _ground(root.table("ground")) if "ground" in root else None
     air = read_air(root.table("refinement"), cameras, ground)
     known = {camera.id for camera in cameras}
-    photos = root.each("photo", partial(_photo, known), least=0)
+    of_photo = Keys({"id": PHOTO, "camera": KnownName("camera", known)}, _PHOTO)
+    photos = root.each("photo", partial(_photo, of_photo), least=0)
     only = cameras[0].id if len(cameras) == 1 else None
     declared = {photo.id for photo in photos}
     strips = root.each("strip", partial(_strip, declared, only), least=0)
@@ -375,8 +376,8 @@ def _shown(value: object) -> str:
     return repr(list(value)) if isinstance(value, tuple) else repr(value)
 
 
-def _photo(cameras: Collection[str], table: TomlTable) -> Photo:
-    photo = Photo(**table.take({"id": PHOTO, "camera": KnownName("camera", cameras)}, _PHOTO))
+def _photo(keys: Keys, table: TomlTable) -> Photo:
+    photo = Photo(**table.taken(keys))
     for key in _SIGMAS:
         of = key.removesuffix("_sigma")
         if key in table and of not in table:

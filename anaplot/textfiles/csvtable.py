@@ -55,7 +55,10 @@ class CodedColumn:
 
     def take(self, texts: Sequence[str]) -> None:
         """Add the values of further fields; raises WrongValueError."""
-        self.index.extend(map(self._codes.__getitem__, texts))
+        if texts[0] == texts[-1] and texts.count(texts[0]) == len(texts):
+            self.index.extend(array("q", [self._codes[texts[0]]]) * len(texts))
+        else:
+            self.index.extend(map(self._codes.__getitem__, texts))
 
     def listed(self) -> list[Any]:
         """Return the value of every row."""

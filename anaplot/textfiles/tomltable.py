@@ -120,7 +120,11 @@ class TomlTable:
         also: Collection[str] = (),
     ) -> dict[str, Any]:
         """Return the values of declared keys as far as they are there; see `Keys`."""
-        return self._read(Keys(required, optional, also), self._values)
+        return self.taken(Keys(required, optional, also))
+
+    def taken(self, keys: Keys) -> dict[str, Any]:
+        """Return the values of declared keys, as `take`: one declaration serves many tables."""
+        return self._read(keys, self._values)
 
     def get(self, key: str, kind: Kind[T]) -> T:
         """Return the value of a key that must be there."""
