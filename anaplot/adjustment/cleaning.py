@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Hashable, Sequence
 from dataclasses import dataclass, field, replace
+from operator import eq
 from typing import Generic, NamedTuple, Protocol, TypeVar, cast
 
 import numpy as np
@@ -136,6 +137,14 @@ class Relinearised(Protocol[S, K, R]):
         ...
 
 
+class _Proposal(NamedTuple, Generic[S, K]):
+    """What a pass wants out: names of all rows, what it found, and where it looked from."""
+
+    names: Sequence[K]
+    found: Findings
+    place: S
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class CleaningEnd(Generic[S, K, R]):
     """Where the passes ended.
@@ -227,7 +236,7 @@ class Cleaning(Generic[S, K, R]):
             There is no solution without any of the sets that were proposed.
         """
         solved: dict[frozenset[K], SolvedWithout[S, K]] = {} if known is None else {held: known}
-        proposals: dict[frozenset[K], tuple[R, Findings]] = {}
+        proposals: dict[frozenset[K], _Proposal[S, K]] = {}
         passes: list[Findings] = []
         barred: dict[K, str] = {}
         at, place, astray = (None if known is None else held), start, 0
@@ -240,7 +249,8 @@ class Cleaning(Generic[S, K, R]):
             names = _names(system, held)
             proposed = frozenset(names[row] for row in found.rows) | held
             again = proposed in solved and proposed in proposals
-            proposals[proposed] = system, found
+            # not the rows, which are as large as the subject
+            proposals[proposed] = _Proposal(names, found, place)
             if proposed == at:
                 self._check_scale(system, found)
                 return self._end(solved[proposed], proposed, system, passes, barred, held)
@@ -305,7 +315,7 @@ class Cleaning(Generic[S, K, R]):
     def _best(
         self,
         solved: dict[frozenset[K], SolvedWithout[S, K]],
-        proposals: dict[frozenset[K], tuple[R, Findings]],
+        proposals: dict[frozenset[K], _Proposal[S, K]],
         passes: list[Findings],
         barred: dict[K, str],
         held: frozenset[K],
@@ -320,14 +330,15 @@ class Cleaning(Generic[S, K, R]):
                 f"{next(iter(barred.values()))}"
             )
         out = min(known, key=lambda one: known[one].vtpv + cost * _count(one, known[one]))
-        system, found = proposals[out]
-        there = self.subject.residuals(known[out].solution, len(passes) + 1)
-        # else a row is gone that the proposal speaks of
-        if tuple(there.names) == tuple(system.names):
-            system = there
+        names, found, place = proposals[out]
+        system = self.subject.residuals(known[out].solution, len(passes) + 1)
+        if len(system.names) != len(names) or not all(map(eq, system.names, names)):
+            # a row is gone that the proposal speaks of
+            system = self.subject.residuals(place, len(passes) + 1)
+        else:
             apart = self._apart(system, known[out].solution)
-            rows = _rows(there, held)
-            found = findings_at(found, there, self.settings, left_out=rows, apart=apart)
+            rows = _rows(system, held)
+            found = findings_at(found, system, self.settings, left_out=rows, apart=apart)
         if len(found.rows) >= self.settings.room(system.redundancy):
             self._check_scale(system, found)
         said = why or (

@@ -440,8 +440,10 @@ def _check_held(problem: Problem, found: Minimum, other: BlockState | None) -> N
     Measurements without error would leave something open there. Gross errors may hide it: it is
     looked for at the minimum, and where they have lost their pull (or where the search began).
     """
-    for at in (found.state,) if other is None else (other, found.state):
-        by_noise = held_by_noise(problem, found.normal.structure, at)
+    known = found.normal, found.factor
+    places = [(found.state, known)] if other is None else [(other, None), (found.state, known)]
+    for at, solved in places:
+        by_noise = held_by_noise(problem, found.normal.structure, at, solved)
         if by_noise is not None:
             raise NoConvergenceError(by_noise, at)
 

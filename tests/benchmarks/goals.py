@@ -94,8 +94,19 @@ GOALS = {
         "--errors",
         "baarda",
     ),
+    "drone-search": _adjust(
+        "drone, 992 photos, search, 920 mismatches",
+        "drone-errors",
+        600,
+        4096,
+        "--errors",
+        "search",
+    ),
     "million": _adjust(
         "10^6 rays, search, 2 000 mismatches", "million", 600, 4096, "--errors", "search"
+    ),
+    "million-baarda": _adjust(
+        "10^6 rays, baarda, 2 000 mismatches", "million", 600, 4096, "--errors", "baarda"
     ),
     "colmap": Goal(
         "import of COLMAP, 10^6 observations",

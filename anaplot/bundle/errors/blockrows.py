@@ -118,6 +118,7 @@ class BlockRows:
         self, out: frozenset[ObservationName], near: BlockPlace
     ) -> SolvedWithout[BlockPlace, ObservationName]:
         """Adjust without some rows."""
+        vars(near).pop("cofactors", None)  # as large as the block, and not asked for again
         found = self._minimum(self.problem_without(out), near.state)
         return SolvedWithout(BlockPlace(found.state, found), found.convergence.last)
 

@@ -78,7 +78,12 @@ def undetermined(
     return NotComputableError(_left_open(problem, _share(found.size[:, :, 0]), normal, factor))
 
 
-def held_by_noise(problem: Problem, structure: Structure, state: BlockState) -> str | None:
+def held_by_noise(
+    problem: Problem,
+    structure: Structure,
+    state: BlockState,
+    solved: tuple[NormalEquations, Factor] | None = None,
+) -> str | None:
     """Return the remark on photos that are determined by measuring errors alone.
 
     Parameters
@@ -87,6 +92,8 @@ def held_by_noise(problem: Problem, structure: Structure, state: BlockState) -> 
         The bundle.
     state
         Where photos lie about where they should.
+    solved
+        The equations there without damping, and their factor, where they are known.
 
     Returns
     -------
@@ -94,13 +101,15 @@ def held_by_noise(problem: Problem, structure: Structure, state: BlockState) -> 
         As `undetermined` says it; None where more than errors holds every photo, or where the
         photos in question are far from their rays: of such a state nothing can be said.
     """
-    problem = replace(problem, conditions=None)
-    linear = linearise(problem, state)
-    tie = anchor(problem, state) if problem.defect else None
-    solvable = _solvable(problem, structure, linear, None if tie is None else tie.weights)
-    if solvable is None:
-        return None
-    normal, factor = solvable
+    if solved is None or problem.conditions is not None:
+        problem = replace(problem, conditions=None)
+        tie = anchor(problem, state) if problem.defect else None
+        weights = None if tie is None else tie.weights
+        solved = _solvable(problem, structure, linearise(problem, state), weights)
+        if solved is None:
+            return None
+    normal, factor = solved
+    linear = normal.linear
     # gross errors spoil the geometry as noise does
     sigma0 = np.sqrt(linear.vtpv / max(problem.redundancy, 1))
     try:
