@@ -31,7 +31,7 @@ from anaplot.bundle.solve.structure import Piece, Structure
 
 __all__ = ["NormalEquations", "PointError"]
 
-_PHOTOS = 500  # whose rays are laid together at a time
+_AT_ONCE = 16384  # rays of photos that are laid together at a time
 _PORTION = 300_000_000  # bytes of the largest array while right-hand sides are solved for
 
 
@@ -435,13 +435,21 @@ def _add_own(own: Array, a: Array, of_points: Array, by_photo: csr_matrix) -> No
     bracket.
     """
     d = own.shape[1]
-    rays, starts = by_photo.indices, by_photo.indptr.tolist()
-    for first in range(0, len(own), _PHOTOS):
-        ends = starts[first : first + _PHOTOS + 1]
-        mine = rays[ends[0] : ends[-1]]
-        s, every = of_points[mine], a[mine]
-        left = np.eye(2) - np.matmul(s, s.transpose(0, 2, 1))
-        reduced, every = np.matmul(left, every).reshape(-1, d), every.reshape(-1, d)
+    rays, starts = by_photo.indices, by_photo.indptr
+    first = 0
+    while first < len(own):
+        last = int(np.searchsorted(starts, starts[first] + _AT_ONCE, side="right")) - 1
+        last = max(last, first + 1)
+        mine = rays[starts[first] : starts[last]]
+        # a row for every unknown, so that one operation takes a component of all rays
+        s, t = np.ascontiguousarray(of_points[mine].transpose(1, 2, 0))
+        laid = np.ascontiguousarray(a[mine].reshape(-1, d).T)
+        reduced, across = np.empty_like(laid), np.einsum("jm,jm->m", s, t)
+        for side, other, of in ((0, 1, s), (1, 0, t)):
+            left = (1.0 - np.einsum("jm,jm->m", of, of)) * laid[:, side::2]
+            left -= across * laid[:, other::2]
+            reduced[:, side::2] = left
+        ends = (2 * (starts[first : last + 1] - starts[first])).tolist()
         for k, (start, end) in enumerate(pairwise(ends), first):
-            photo = slice(2 * (start - ends[0]), 2 * (end - ends[0]))
-            own[k] += every[photo].T @ reduced[photo]
+            own[k] += laid[:, start:end] @ reduced[:, start:end].T
+        first = last
