@@ -378,15 +378,17 @@ class _Adjusted:
             self.root = np.linalg.cholesky(common.covariance(now, level=level))
             white = dtrtrs(self.root, np.column_stack((design, value)), lower=1)[0]
             self._white = white[:, :7]
+            # turned so that seven rows have all that tells of the unknowns
+            self._basis, triangle = np.linalg.qr(self._white)
+            turned = self._basis.T @ white[:, 7]
             try:
-                self._solved = adjust(
-                    self._white, white[:, 7], np.ones(len(value)), unknowns=_UNKNOWNS
-                )
+                self._solved = adjust(triangle, turned, np.ones(len(turned)), unknowns=_UNKNOWNS)
             except RankDefectError as error:
                 raise NotComputableError(f"the common points: {error}") from error
             self.similarity = moved_similarity(now, self._middle, self._solved.x * common.sigma0)
             q_xx = np.sqrt(np.diag(self._solved.q_xx))
             if float(np.abs(self._solved.x / q_xx).max()) < _SMALL:
+                self._closing: Array = white[:, 7] - self._basis @ turned
                 self.inclination = float(q_xx[3:5].max()) * common.sigma0
                 return
         raise NotComputableError("the similarity of the common points does not converge")
@@ -401,25 +403,25 @@ class _Adjusted:
 
     @property
     def redundancy(self) -> int:
-        return self._solved.redundancy
+        return len(self._closing) - len(_UNKNOWNS)
 
     @property
     def vtpv(self) -> float:
-        return self._solved.vtpv
+        return float(self._closing @ self._closing)
 
     def tested(self, test: AppliedTest, factor: float | None) -> dict[str, TiePoint]:
         """Return the tested points; differences are not filled in."""
         names = self._common.names
         n = len(names)
         unwhitened = self._inverse.T
-        residual = (unwhitened @ self._solved.w)[: 3 * n].reshape(n, 3)  # P v
-        cofactor = unwhitened @ self._solved.q_vv @ unwhitened.T  # P Q_vv P
-        influence = self.root @ self._solved.q_vv @ unwhitened.T
-        r = np.einsum("ii->i", influence)[: 3 * n].reshape(n, 3)
-        each = np.arange(n)
-        blocks = cofactor[: 3 * n, : 3 * n].reshape(n, 3, n, 3)[each, :, each]
+        residual = (unwhitened @ self._closing)[: 3 * n].reshape(n, 3)  # P v
+        # Q_vv of whitened rows is 1 - basis basis'; only what each point has of it is asked for
+        taken = unwhitened @ self._basis
+        r = 1.0 - np.einsum("ik,ik->i", self.root @ self._basis, taken)[: 3 * n].reshape(n, 3)
+        whole, part = (rows[: 3 * n].reshape(n, 3, -1) for rows in (unwhitened, taken))
+        blocks = whole @ whole.transpose(0, 2, 1) - part @ part.transpose(0, 2, 1)  # P Q_vv P
         variance = np.einsum("nii->ni", blocks)
-        weight = np.einsum("ij,ij->i", unwhitened, unwhitened)[: 3 * n].reshape(n, 3)
+        weight = np.einsum("nij,nij->ni", whole, whole)
         # what is left of the weight tells whether a row is tested at all
         testable = variance > 1e-9 * weight
         scale = factor or np.nan
@@ -463,7 +465,7 @@ class _Adjusted:
     @cached_property
     def probable(self) -> Array:
         """(e,) errors [mm] of least squares that explain the residuals of level systems."""
-        rows = (self._solved.w @ self._residual)[None]
+        rows = (self._closing @ self._residual)[None]
         errors: Array = self._common.by_errors(rows, self.similarity)[0]
         return errors * self._common.sigma0
 
