@@ -30,11 +30,12 @@ if TYPE_CHECKING:
     from anaplot.plotter.decoder import Decoder
     from anaplot.plotter.profile import load_profile
     from anaplot.report import plan
-    from anaplot.report.adjustcommand import adjust, find_gross_errors
+    from anaplot.report.adjustcommand import adjust
     from anaplot.report.bridgecommand import bridge, orient
     from anaplot.report.comparecommand import compare
     from anaplot.report.computed import Computed
     from anaplot.report.eachblock import each
+    from anaplot.report.findcommand import find_gross_errors
     from anaplot.report.html.write import write_report
     from anaplot.report.replaycommand import replay
     from anaplot.report.reportcommand import block_report
@@ -73,11 +74,12 @@ _HOMES = {
     "anaplot.plotter.decoder": ("Decoder",),
     "anaplot.plotter.profile": ("load_profile",),
     "anaplot.report": ("plan",),
-    "anaplot.report.adjustcommand": ("adjust", "find_gross_errors"),
+    "anaplot.report.adjustcommand": ("adjust",),
     "anaplot.report.bridgecommand": ("bridge", "orient"),
     "anaplot.report.comparecommand": ("compare",),
     "anaplot.report.computed": ("Computed",),
     "anaplot.report.eachblock": ("each",),
+    "anaplot.report.findcommand": ("find_gross_errors",),
     "anaplot.report.html.write": ("write_report",),
     "anaplot.report.replaycommand": ("replay",),
     "anaplot.report.reportcommand": ("block_report",),

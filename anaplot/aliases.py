@@ -13,7 +13,9 @@ __all__ = [
     "Axis",
     "Bools",
     "Complex",
+    "Grouping",
     "Index",
+    "PriorEstimator",
     "Progress",
     "RowKey",
     "Side",
@@ -44,6 +46,12 @@ Strategy = Literal["baarda", "tau", "rms", "modified", "huber", "danish", "l1", 
 
 SwitchedBy = Literal[Strategy, "thin"]
 """What `adjust --apply` gives as its reason: the strategy, or that the point was thinned out."""
+
+Grouping = Literal["kinds", "axes", "strips", "operators"]
+"""How image coordinates are grouped for variance components."""
+
+PriorEstimator = Literal["known", "common", "separate"]
+"""Which variance factors of prior knowledge are estimated."""
 
 Progress = Callable[[str, float], None]
 """Told of a step and of how much of it is done (0 to 1); may raise to end the computation."""

@@ -101,6 +101,7 @@ def _show(station: Station, folder: Path, keep: Callable[[], None] | None = None
     from anaplot.console.reportwriting import reports_of
     from anaplot.simulation.controls import controls_of
 
+    station.adjust_apart()
     return run_console(station, controls=controls_of(station), keep=keep, report=reports_of(folder))
 
 

@@ -8,12 +8,16 @@ import pkgutil
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from clibench import TIMEOUT, environment
 
 import anaplot
+from anaplot.exchange.blockfolder import write_control, write_image_points, write_new_block
+from anaplot.ondemand import UNASKED
+from anaplot.planning.blockplan import BlockPlan, plan_block
 
 pytestmark = pytest.mark.slow
 
@@ -65,11 +69,82 @@ with {quiet}:
     assert not {"scipy", "textual", "serial", "jinja2"} & set(python(code).split())
 
 
-def test_an_adjustment_loads_of_scipy_what_it_uses() -> None:
-    code = "import sys, anaplot.report.applyerrors\nprint(*sys.modules)"
-    loaded = set(python(code).split())
+def test_the_status_of_what_is_not_measured_looks_at_its_settings_alone(tmp_path: Path) -> None:
+    assert "anaplot.exchange.blockfolder" in program("new", tmp_path / "b", "--strip", "1-5")
+    loaded = program("status", tmp_path / "b")
+    rooms = ("adjustment", "orientation", "bundle", "planning", "plotter", "simulation")
+    assert not {name for name in loaded if name.startswith(tuple(f"anaplot.{r}." for r in rooms))}
+    journal = {"exchange.journal", "session.events", "session.state", "station.edited"}
+    assert not {f"anaplot.{name}" for name in journal} & loaded
+    assert not {name for name in journal if importlib.util.find_spec(f"anaplot.{name}") is None}
+
+
+@pytest.fixture(scope="module")
+def block(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a block with measurements and control."""
+    folder = tmp_path_factory.mktemp("hygiene") / "block"
+    planned = plan_block(BlockPlan(2, 4, 0.60, 0.30, 3, control_m=0.05)).block
+    write_new_block(folder, replace(planned, image_points=(), control=()))
+    write_image_points(folder, planned.image_points)
+    write_control(folder, planned.control)
+    return folder
+
+
+def program(*words: object) -> set[str]:
+    """Return the modules that the program has loaded when a command has ended well."""
+    arguments = ["anaplot", *map(str, words)]
+    code = f"""
+import contextlib, io, sys
+from anaplot.__main__ import main
+sys.argv = {arguments!r}
+with contextlib.redirect_stdout(io.StringIO()):
+    assert main() == 0
+print(*sys.modules)"""
+    return set(python(code).split())
+
+
+# what an adjustment that was asked for nothing more has no use for
+ASKED_FOR = {
+    *("adjustment.strategies", "adjustment.variancecomponents"),
+    *("bundle.errors.controllast", "bundle.errors.grosserrors", "bundle.errors.misfits"),
+    *("bundle.hypotheses.chosenparameters", "bundle.hypotheses.components"),
+    *("bundle.hypotheses.controlpages", "bundle.hypotheses.priorknowledge"),
+    *("bundle.thinning.thinning", "photogrammetry.refinement"),
+    *("report.adjusterrors", "report.pageoption", "report.snooping", "report.thinning"),
+    *("session.blockaccidents", "session.modelstate", "session.state", "shares.work"),
+}
+
+
+def test_an_adjustment_loads_what_it_uses(block: Path) -> None:
+    loaded = program("adjust", block)
     assert "scipy.sparse" in loaded
     assert not {"scipy.optimize", "scipy.spatial", "scipy.fft", "jinja2"} & loaded
+    assert not {f"anaplot.{name}" for name in ASKED_FOR} & loaded
+    assert not {name for name in ASKED_FOR if importlib.util.find_spec(f"anaplot.{name}") is None}
+
+
+def test_the_program_loads_of_numpy_what_it_uses(block: Path) -> None:
+    # what they load in turn, NumPy's compiler of Fortran and its tests
+    assert not {"numpy.f2py.crackfortran", "numpy.testing._private", "unittest"} & program(
+        "adjust", block
+    )
+
+
+def test_what_is_loaded_on_demand_is_what_it_is_without() -> None:
+    code = f"""
+import sys
+from anaplot.ondemand import load_on_demand
+load_on_demand()
+import numpy, scipy.sparse
+before = len(sys.modules)
+for name in {sorted(UNASKED)!r}:
+    assert sys.modules[name] is getattr(numpy, name.split(".")[1])
+numpy.testing.assert_allclose([1.0], [1.0])
+from numpy.testing import assert_equal
+import numpy.ctypeslib as of
+print(len(sys.modules) > before, assert_equal is numpy.testing.assert_equal)
+print(of.as_ctypes_type(float).__name__, type(numpy.testing).__name__)"""
+    assert python(code).split() == ["True", "True", "c_double", "module"]
 
 
 ROOMS = (

@@ -23,6 +23,7 @@ __all__ = [
     "RankDefectError",
     "adjust",
     "adjust_combined",
+    "adjust_weighted",
 ]
 
 CONDITION_LIMIT = 1e4
@@ -62,6 +63,13 @@ class Adjustment:
         (n,) closing misclosures B x + u, in the rows' unit.
     q_l
         (n,) a-priori cofactors of the rows.
+    root
+        (n,) roots of the cofactors of the rows.
+    basis
+        (n, u) orthonormal columns that span those of the weighted design.
+    back
+        (u, u) what a step along each of them is in unknowns: misclosures u move these by
+        - back basis' (u / root).
     q_xx
         (u, u) cofactors of the unknowns.
     q_vv
@@ -80,6 +88,9 @@ class Adjustment:
     x: Array
     w: Array
     q_l: Array
+    root: Array = field(repr=False)
+    basis: Array = field(repr=False)
+    back: Array = field(repr=False)
     q_xx: Array
     q_vv: Array = field(repr=False)
     r: Array
@@ -135,51 +146,91 @@ def adjust(
     if n and not float(cofactors.min()) > 0.0:
         raise ValueError("cofactors must be positive")
     root = np.sqrt(cofactors)
-    weighted = design / root[:, None]
-    length = np.sqrt(np.einsum("ij,ij->j", weighted, weighted))
-    if not abs(float(length.sum() + misclosure.sum())) < inf:
+    return adjust_weighted(
+        design.T / root,
+        misclosure / root,
+        cofactors,
+        root,
+        unknowns=unknowns,
+        condition_limit=condition_limit,
+    )
+
+
+def adjust_weighted(
+    design: Array,
+    misclosure: Array,
+    cofactors: Array,
+    root: Array,
+    *,
+    unknowns: Sequence[str],
+    condition_limit: float = CONDITION_LIMIT,
+) -> Adjustment:
+    """Adjust rows that are divided by the roots of their cofactors already; see `adjust`.
+
+    Parameters
+    ----------
+    design
+        (u, n) transposed design, a column a row.
+    misclosure
+        (n,) values of the conditions.
+    cofactors, root
+        (n,) of the rows as they were before, and their roots.
+    unknowns, condition_limit
+        As in `adjust`.
+    """
+    u, n = design.shape
+    length = np.sqrt(np.einsum("ij,ij->i", design, design))
+    sizes = length.tolist()
+    if not abs(sum(sizes) + float(misclosure.sum())) < inf:
         raise ValueError("design and misclosures must be finite")
-    if not bool(length.all()):
-        names = tuple(name for name, size in zip(unknowns, length, strict=True) if size == 0.0)
+    if 0.0 in sizes:
+        names = tuple(name for name, size in zip(unknowns, sizes, strict=True) if size == 0.0)
         raise RankDefectError(names, inf)
-    scaled = weighted / length
+    scaled = (design / length[:, None]).T
     # straight to LAPACK: the wrapper costs as much as the decomposition of a model's size
     # loaded with the first adjustment: scipy.linalg costs more than the rest of a start
     from scipy.linalg.lapack import dgesdd
 
-    left, singular, right, info = dgesdd(scaled, full_matrices=0)
-    smallest = float(singular[-1]) if n >= u and info == 0 else 0.0
-    condition = float(singular[0]) / smallest if smallest > 0.0 else inf
+    basis, singular, right, info = dgesdd(scaled, full_matrices=0)
+    values = singular.tolist()
+    smallest = values[-1] if n >= u and info == 0 else 0.0
+    condition = values[0] / smallest if smallest > 0.0 else inf
     if not condition < condition_limit:
         if n < u or info:
-            right = np.linalg.svd(scaled)[2]
-        raise RankDefectError(_participants(right[-1], unknowns), condition)
-    observed = misclosure / root
-    projected = left.T @ observed
-    back = right.T / singular / length[:, None]
-    x = -(back @ projected)
-    closing = observed - left @ projected
-    residual_projector = -(left @ left.T)
-    diagonal = np.einsum("ii->i", residual_projector)
+            _, singular, right = np.linalg.svd(scaled)
+        firm = int(np.count_nonzero(singular * condition_limit > singular[:1]))
+        raise RankDefectError(_participants(right[min(firm, u - 1) :], unknowns), condition)
+    # `dot` rather than @, whose way to BLAS is twice as long: rows of a model are few
+    projected = misclosure.dot(basis)
+    back = right.T / singular
+    back /= length[:, None]
+    closing = misclosure - basis.dot(projected)
+    projector = -basis.dot(basis.T)
+    diagonal = np.einsum("ii->i", projector)
     diagonal += 1.0
-    r = np.maximum(diagonal, 0.0)
     return Adjustment(
         unknowns=tuple(unknowns),
-        x=x,
+        x=-back.dot(projected),
         w=closing * root,
         q_l=cofactors,
-        q_xx=back @ back.T,
-        q_vv=residual_projector * (root[:, None] * root),
-        r=r,
-        vtpv=float(closing @ closing),
+        root=root,
+        basis=basis,
+        back=back,
+        q_xx=back.dot(back.T),
+        q_vv=projector * (root[:, None] * root),
+        r=np.maximum(diagonal, 0.0),
+        vtpv=float(closing.dot(closing)),
         redundancy=n - u,
         condition=condition,
     )
 
 
-def _participants(vector: Array, unknowns: Sequence[str]) -> tuple[str, ...]:
-    """Names of the unknowns that carry the given null vector (scaled), largest first."""
-    size = np.abs(vector)
+def _participants(vectors: Array, unknowns: Sequence[str]) -> tuple[str, ...]:
+    """Names of the unknowns that carry the given null vectors (scaled), largest first.
+
+    All of them together, since which ones span the same null space is a matter of rounding.
+    """
+    size = np.linalg.norm(vectors, axis=0)
     limit = 0.2 * float(size.max())
     order = np.argsort(-size, kind="stable").tolist()
     return tuple(unknowns[k] for k in order if size[k] >= limit)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from math import log, sqrt
+from math import exp, inf, isfinite, log, sqrt
 from typing import Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
@@ -310,26 +310,29 @@ class Tested(Generic[K]):
         return len(self.residual)
 
     def __iter__(self) -> Iterator[Observation[K]]:
-        return iter(self.rows(np.arange(len(self))))
+        return iter(self.rows())
 
-    def rows(self, at: Index) -> list[Observation[K]]:
-        """Return the observations of some rows."""
-        index = at.tolist()
+    def rows(self, at: Index | None = None) -> list[Observation[K]]:
+        """Return the observations of some rows; None: of all."""
+        keys, units, which = self.keys, self.units, ... if at is None else at
+        if at is not None:
+            index = at.tolist()
+            keys, units = [keys[k] for k in index], [units[k] for k in index]
         columns = (
-            [self.keys[k] for k in index],
-            [self.units[k] for k in index],
-            self.use[at].tolist(),
-            self.residual[at].tolist(),
-            self.r[at].tolist(),
-            _numbers(self.expected[at]),
-            _numbers(self.w[at]),
-            _numbers(self.mdb[at]),
-            _numbers(self.effect[at]),
-            self.flagged[at].tolist(),
-            self.odds.rows[at].tolist(),
-            [None] * len(index) if self.ground is None else _triples(self.ground[at]),
+            keys,
+            units,
+            self.use[which].tolist(),
+            self.residual[which].tolist(),
+            self.r[which].tolist(),
+            _numbers(self.expected[which]),
+            _numbers(self.w[which]),
+            _numbers(self.mdb[which]),
+            _numbers(self.effect[which]),
+            self.flagged[which].tolist(),
+            self.odds.rows[which].tolist(),
+            [None] * len(keys) if self.ground is None else _triples(self.ground[which]),
         )
-        return list(map(Observation, *columns))
+        return list(map(Observation._make, zip(*columns, strict=True)))
 
     @cached_property
     def odds(self) -> Odds:
@@ -484,8 +487,9 @@ def examine(
     sigma0 = sqrt(vtpv / redundancy) if redundancy > 0 else None
     factor = applied.factor(sigma0)
     deviation = sigma * np.sqrt(np.maximum(r, 0.0)) if deviation is None else deviation
-    firm = np.zeros(len(r), dtype=np.bool_) if firm is None else firm
-    testable = (r >= TESTABLE) | (firm & (r > 0.0))
+    testable = r >= TESTABLE
+    if firm is not None:
+        testable |= firm & (r > 0.0)
     divisor = np.where(testable, r, np.nan)
     mdb = applied.delta0 * deviation / divisor
     moved = np.sqrt(np.maximum(1.0 - r, 0.0)) if moved is None else moved
@@ -496,6 +500,7 @@ def examine(
     limit = np.inf if applied.critical is None else applied.critical
     size = np.abs(w)
     shown = np.divide(r * sigma, deviation, out=np.zeros(len(r)), where=testable & (deviation > 0))
+    effect = mdb / sigma * moved
     return Tested(
         keys=keys,
         units=units,
@@ -508,7 +513,7 @@ def examine(
         expected=expected,
         w=w,
         mdb=mdb,
-        effect=np.where(firm, np.nan, mdb / sigma * moved),
+        effect=effect if firm is None else np.where(firm, np.nan, effect),
         flagged=(size > limit) & (np.abs(residual) > rounding),
         use=np.ones(len(r), dtype=np.bool_) if use is None else use,
         evidence=ERROR_PRIOR_SIGMAS**2 * shown**2,
@@ -536,11 +541,11 @@ def log_bayes_factor(g: Array, square: Array, redundancy: int, kind: TestKind) -
     """
     shrink = g / (1.0 + g)
     if sigma0_known(kind):
-        return np.asarray(-0.5 * np.log1p(g) + 0.5 * square * shrink)
+        return np.asarray(0.5 * (square * shrink - np.log1p(g)))
     f = redundancy
     # w^2 cannot exceed f but for rounding; the bracket stays positive because shrink < 1
     share = np.minimum(square / f, 1.0) * shrink
-    return np.asarray(-0.5 * np.log1p(g) - 0.5 * f * np.log1p(-share))
+    return np.asarray(-0.5 * (np.log1p(g) + f * np.log1p(-share)))
 
 
 def error_odds(g: Array, size: Array, redundancy: int, kind: TestKind) -> Odds:
@@ -564,12 +569,14 @@ def error_odds(g: Array, size: Array, redundancy: int, kind: TestKind) -> Odds:
     if redundancy < 1 or not n:
         return Odds(np.full(n, (1.0 - NONE_PRIOR) / max(n, 1)), NONE_PRIOR)
     testable = np.isfinite(size)
-    square = np.where(testable, size, 0.0) ** 2
-    logs = log_bayes_factor(np.where(testable, g, 0.0), square, redundancy, kind)
-    terms = np.append(logs + log((1.0 - NONE_PRIOR) / n), log(NONE_PRIOR))
-    terms = np.exp(terms - terms.max())
-    terms /= terms.sum()
-    return Odds(terms[:-1], float(terms[-1]))
+    if not testable.all():
+        g, size = np.where(testable, g, 0.0), np.where(testable, size, 0.0)
+    logs = log_bayes_factor(g, size * size, redundancy, kind)
+    prior, none = log((1.0 - NONE_PRIOR) / n), log(NONE_PRIOR)
+    most = max(float(logs.max()) + prior, none)
+    terms, rest = np.exp(logs + (prior - most)), exp(none - most)
+    total = float(terms.sum()) + rest
+    return Odds(terms / total, rest / total)
 
 
 def sum_by_point(keys: Iterable[Key], rows: Array) -> dict[str, float]:
@@ -586,4 +593,7 @@ def _triples(values: Array) -> list[tuple[float, float, float] | None]:
 
 
 def _numbers(values: Array) -> list[float | None]:
-    return [value if abs(value) < np.inf else None for value in values.tolist()]
+    numbers: list[float] = values.tolist()
+    if isfinite(sum(numbers)):
+        return list(numbers)
+    return [value if abs(value) < inf else None for value in numbers]

@@ -120,7 +120,10 @@ class _Lines(Widget):
     _shown_in = Size()
 
     def show_lines(self) -> None:
-        """Paint the lines that are others now."""
+        """Paint the lines that are others now; of a panel that is hidden none are made."""
+        if not self.display:
+            self._shown = None
+            return
         before = None if self._shown is None else _compared(self._shown)
         if self._shown_in != self.size:
             before = None
@@ -546,22 +549,23 @@ class DetailsPane(_Lines):
     ) -> None:
         super().__init__(id=id)
         self._history = history
-        self._entries: list[Entry] = []
-        self._block: str = ""
+        self._snapshot: Snapshot | None = None
+        self._selected: ShownRow | None = None
 
     def show(self, snapshot: Snapshot, selected: ShownRow | None) -> None:
         """Show this row from now on."""
-        self._entries = [] if selected is None else describe_row(selected, snapshot)
-        self._block = verdict(snapshot.block_view)
+        self._snapshot, self._selected = snapshot, selected
         self.show_lines()
 
     def lines(self, width: int, height: int) -> list[Content]:
         """Return label and value pairs."""
-        lines = [
-            Content.styled("SELECTED ROW", "bold $foreground-muted"),
-            *entry_lines(self._entries, width),
-        ]
-        block = [Content(line) for line in wrap(self._block, width)]
+        shown, row = self._snapshot, self._selected
+        if shown is None:
+            return []
+        entries = [] if row is None else describe_row(row, shown)
+        head = Content.styled("SELECTED ROW", "bold $foreground-muted")
+        lines = [head, *entry_lines(entries, width)]
+        block = [Content(line) for line in wrap(verdict(shown.block_view), width)]
         more = [Content(""), Content.styled("BLOCK", "bold $foreground-muted"), *block]
         more += [Content(""), Content.styled("HISTORY", "bold $foreground-muted")]
         if height < len(lines) + len(more) + 1:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 from collections.abc import Iterable
 from dataclasses import replace
@@ -161,6 +160,8 @@ def image_points_identity(folder: Path) -> str | None:
 
 
 def _digest(data: bytes) -> str:
+    import hashlib  # nearly as long to load as what reads a block
+
     return hashlib.sha256(data).hexdigest()
 
 

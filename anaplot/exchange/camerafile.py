@@ -43,7 +43,6 @@ from anaplot.photogrammetry.camera import (
     Fiducial,
     FiducialDistance,
 )
-from anaplot.photogrammetry.refinement import Refinement
 from anaplot.textfiles.inputfile import read_text
 from anaplot.textfiles.kinds import (
     NAME,
@@ -159,6 +158,8 @@ def parse_camera(text: str, path: Path) -> CameraCalibration:
         **distances,
         **distortion,
     )
+    from anaplot.photogrammetry.refinement import Refinement
+
     try:
         Refinement.of(made)
     except InputError as error:

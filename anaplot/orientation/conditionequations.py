@@ -65,8 +65,12 @@ class ConditionEquations:
     ----------
     y_index, x_index
         Rows in use, as positions in pair.points.
-    x1, p2
-        (3, n) left rays in the strip system and right rays in the image system.
+    p1, p2
+        (3, n) left and right rays in the image systems.
+    x1
+        (3, n) left rays in the strip system.
+    tie_points, tie_p2
+        (3, m) ties' model coordinates from the left projection centre, and their right rays.
     """
 
     def __init__(self, pair: Stereopair, tie_variance: TieVariance = "paper") -> None:
@@ -74,8 +78,8 @@ class ConditionEquations:
         self.tie_variance = tie_variance
         self.preceding_bx = pair.preceding_bx
         self.first = pair.ties is None
-        self.x1 = pair.fixed.rotation @ _rays(pair.xl, pair.c_left)
-        self.p2 = _rays(pair.xr, pair.c_right)
+        self.p1, self.p2 = _rays(pair.xl, pair.c_left), _rays(pair.xr, pair.c_right)
+        self.x1 = pair.fixed.rotation.dot(self.p1)
         self.y_index = [k for k, point in enumerate(points) if not off or (point, "y") not in off]
         self.x_index = [
             k for k, point in enumerate(points) if point in ties and (point, "x") not in off
@@ -86,14 +90,14 @@ class ConditionEquations:
             x1, p2 = x1[:, self.y_index], p2[:, self.y_index]
         self._products = np.zeros((18, n + m))
         self._products[:9, :n] = products(x1 * (-_ROOT_Y / x1[2]), p2)
-        self.tie_points = np.ones((3, 0))
-        self._tie_p2 = self.p2[:, self.x_index]
+        self.tie_points = self.tie_p2 = np.ones((3, 0))
         if m:
-            tied = np.array([ties[points[k]] for k in self.x_index]).T
-            self.tie_points = tied - pair.fixed.centre[:, None]
-            horizontal = self.tie_points[(0, 2, 2), :]
-            horizontal[2] = 1.0
-            self._products[9:, n:] = products(horizontal, self._tie_p2)
+            self.tie_p2 = self.p2.take(self.x_index, axis=1)
+            tied = np.array([ties[points[k]] for k in self.x_index])
+            self.tie_points = (tied - pair.fixed.centre).T
+            horizontal = np.ones((3, m))
+            horizontal[:2] = self.tie_points[::2]
+            self._products[9:, n:] = products(horizontal, self.tie_p2)
 
     @property
     def row_count(self) -> int:
@@ -121,9 +125,9 @@ class ConditionEquations:
         n = self._n
         factors = coefficients(bx, beta_y, beta_z, rotation)
         if not (ties and self._m):
-            plane: Array = factors[:, :9] @ self._products[:9, :n]
+            plane: Array = factors[:, :9].dot(self._products[:9, :n])
             return plane
-        rows: Array = factors @ self._products
+        rows: Array = factors.dot(self._products)
         depth = self.tie_points[2] - bx * beta_z
         depth *= -sqrt(self._tie_cofactor(bx))
         rows[:, n:] /= depth
@@ -132,13 +136,13 @@ class ConditionEquations:
     def meet(self, state: ModelUnknowns) -> Intersection:
         """Return where the rays of every point meet, as seen from the left projection centre."""
         bx, beta_y, beta_z, rotation = state
-        return intersect(_ORIGIN, (bx, bx * beta_y, bx * beta_z), self.x1, rotation @ self.p2)
+        return intersect(_ORIGIN, (bx, bx * beta_y, bx * beta_z), self.x1, rotation.dot(self.p2))
 
     def bx_of_ties(self, beta_z: float, rotation: Array) -> float | None:
         """Return the median bx that the ties ask for, one collinearity equation each."""
         if not self._m:
             return None
-        x2 = rotation @ self._tie_p2
+        x2 = rotation.dot(self.tie_p2)
         tie = self.tie_points
         lever = x2[2] - beta_z * x2[0]
         with np.errstate(divide="ignore", invalid="ignore"):

@@ -92,7 +92,7 @@ class _Evidence(NamedTuple):
     chance
         Probability of each row (point, axis) that it holds the one gross error.
     size
-        Its significance; 0 where it cannot be tested.
+        Its significance, 0 where it cannot be tested; what differs by rounding is equal.
     points
         Probability of each point.
     none
@@ -133,7 +133,7 @@ def _evidence_of(tested: Tested[Row], size: Array, odds: Odds) -> _Evidence:
     keys, chances = tested.keys, odds.rows
     return _Evidence(
         dict(zip(keys, chances.tolist(), strict=True)),
-        dict(zip(keys, size.tolist(), strict=True)),
+        {key: float(f"{one:.9g}") for key, one in zip(keys, size.tolist(), strict=True)},
         sum_by_point(keys, chances),
         odds.none,
     )
@@ -152,8 +152,7 @@ def _suspects(solution: ModelSolution, evidence: _Evidence) -> tuple[Row, ...]:
         outlying = key[0] in solution.outliers
         points, chance = evidence.points[key[0]], evidence.chance[key]
         size = evidence.size[key]
-        first = float(f"{size:.9g}") if exact else 0.0  # what differs by rounding is equal
-        return not outlying, -first, -points, -chance, -size
+        return not outlying, -size if exact else 0.0, -points, -chance, -size
 
     doubted = [
         key

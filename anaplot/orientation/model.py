@@ -8,7 +8,7 @@ from math import inf
 
 import numpy as np
 
-from anaplot.adjustment.leastsquares import Adjustment, RankDefectError, adjust
+from anaplot.adjustment.leastsquares import Adjustment, RankDefectError, adjust_weighted
 from anaplot.adjustment.tested import Dense, Observation, Tested, examine
 from anaplot.aliases import Array
 from anaplot.errors import NotComputableError
@@ -110,9 +110,15 @@ def orient(pair: Stereopair, precision: Precision, test: TestSettings) -> ModelS
     points, behind = _model_points(pair, found)
     unknowns = UNKNOWNS[1:] if conditions.first else UNKNOWNS
     omega, phi, kappa = rotation_angles(state.rotation)
-    design, q_l = _design(conditions, solution, omega, phi)
+    q_l = conditions.cofactors(state.bx)
     try:
-        adjusted = adjust(design, solution.rows[6] * np.sqrt(q_l), q_l, unknowns=unknowns)
+        adjusted = adjust_weighted(
+            _design(conditions, solution, omega, phi),
+            solution.rows[6],
+            q_l,
+            np.sqrt(q_l),
+            unknowns=unknowns,
+        )
     except RankDefectError as error:
         if suspects:
             raise _hopeless(pair, precision, suspects) from error
@@ -125,7 +131,7 @@ def orient(pair: Stereopair, precision: Precision, test: TestSettings) -> ModelS
         raise _hopeless(pair, precision, (), behind_error)
     exact = None
     if precision.tie_variance == "exact":
-        exact = exact_statistics(pair, conditions, state, design, adjusted.q_vv)
+        exact = exact_statistics(pair, conditions, state, adjusted)
     tested = _tested(pair, conditions, adjusted, exact, precision, test)
     return ModelSolution(
         left=pair.left,
@@ -202,7 +208,7 @@ def _keys(pair: Stereopair, conditions: ConditionEquations) -> list[Row]:
 def _check_count(pair: Stereopair) -> None:
     """Raise when counting alone shows that the model is not computable."""
     n = len(pair.points)
-    y_rows = sum((point, "y") not in pair.off for point in pair.points)
+    y_rows = n if not pair.off else sum((point, "y") not in pair.off for point in pair.points)
     if pair.ties is None:
         if y_rows < 5:
             raise NotComputableError(
@@ -226,7 +232,7 @@ def _check_count(pair: Stereopair) -> None:
 
 
 def _check_finite(pair: Stereopair) -> None:
-    if abs(float(pair.xl.sum() + pair.xr.sum())) < inf:
+    if abs(float(np.vdot(pair.xl, pair.xr))) < inf:
         return
     for point, *xy in zip(pair.points, *pair.xl.T.tolist(), *pair.xr.T.tolist(), strict=True):
         if not all(abs(value) < inf for value in xy):
@@ -280,10 +286,11 @@ def _not_found_error(
     unknowns = UNKNOWNS[1:] if conditions.first else UNKNOWNS
     with np.errstate(all="ignore"):
         rows = conditions.evaluate(start)
-        design, q_l = _design(conditions, ConvergedOrientation(start, rows, 0), 0.0, 0.0)
+        design = _design(conditions, ConvergedOrientation(start, rows, 0), 0.0, 0.0)
     if np.isfinite(rows).all():
+        q_l = conditions.cofactors(start.bx)
         try:
-            adjust(design, rows[6], q_l, unknowns=unknowns)
+            adjust_weighted(design, rows[6], q_l, np.sqrt(q_l), unknowns=unknowns)
         except RankDefectError as error:
             return _undetermined_error(pair, error)
     reason = "the solution does not converge"
@@ -301,14 +308,12 @@ def _not_found_error(
 
 def _design(
     conditions: ConditionEquations, solution: ConvergedOrientation, omega: float, phi: float
-) -> tuple[Array, Array]:
-    """(n, u) derivatives with respect to UNKNOWNS, not d ln bx and turns; (n,) cofactors."""
-    rows = solution.rows
-    q_l = conditions.cofactors(solution.state.bx)
-    parts = [rows[1:3], (rotation_axes(omega, phi).T @ rows[3:6])[::-1]]
-    if not conditions.first:
-        parts.insert(0, rows[:1] / solution.state.bx)
-    return (np.concatenate(parts) * np.sqrt(q_l)).T, q_l
+) -> Array:
+    """(u, n) weighted derivatives with respect to UNKNOWNS, not d ln bx and turns."""
+    out = solution.rows[:6].copy()
+    out[0] /= solution.state.bx
+    out[3:] = rotation_axes(omega, phi).T[::-1].dot(out[3:])
+    return out[conditions.unknown_rows()]
 
 
 def _tested(
@@ -321,18 +326,16 @@ def _tested(
 ) -> Tested[Row]:
     keys = _keys(pair, conditions)
     apriori = precision.image_um
-    root = np.sqrt(adjusted.q_l)
     vtpv, q_vv, deviation, moved = adjusted.vtpv, adjusted.q_vv, None, None
     if exact is not None:
-        vtpv, q_vv = float(adjusted.w @ exact.weight @ adjusted.w), exact.residuals
-        deviation = apriori * np.sqrt(np.einsum("ii->i", q_vv))
-        moved = exact.effects * root
+        vtpv, q_vv, moved = exact.vtpv, exact.residuals, exact.effects
+        deviation = apriori * np.sqrt(q_vv.diagonal())
     return examine(
         keys,
         ["um"] * len(keys),
         adjusted.w * 1e3,
         adjusted.r,
-        apriori * root,
+        apriori * adjusted.root,
         vtpv=vtpv / (apriori * 1e-3) ** 2,
         redundancy=adjusted.redundancy,
         test=test,
@@ -348,9 +351,9 @@ def _model_points(
 ) -> tuple[tuple[ModelPoint, ...], tuple[str, ...]]:
     """Model coordinates, and the names of points that lie behind a photo or nowhere."""
     coordinates = found.meet.points + pair.fixed.centre[:, None]
-    points = tuple(map(ModelPoint, pair.points, *coordinates.tolist()))
-    front = found.meet.in_front.tolist()
-    return points, tuple(p for p, good in zip(pair.points, front, strict=True) if not good)
+    points = map(ModelPoint._make, zip(pair.points, *coordinates.tolist(), strict=True))
+    behind = [p for p, front in zip(pair.points, found.front, strict=True) if not front]
+    return tuple(points), tuple(behind)
 
 
 def _remarks(adjusted: Adjustment, behind: tuple[str, ...]) -> tuple[str, ...]:

@@ -6,7 +6,9 @@ El-Hakim 1983, eq. 1-4).
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import combinations, product
 from math import atan2, cos, hypot, inf, log1p, sin
 
@@ -55,6 +57,7 @@ _STEEP = 0.45  # rad between the axes of the photos of an aerial model, at most
 _SLOPE = 0.7  # of the base, at most
 _FAR = 0.15  # rad, and of the base: beyond, a gross error is no longer a linear matter
 _LARGEST_DAMPING = 1e8
+_SAME_MERIT = 1e-6  # starts that lead to the same orientation differ by less
 _ACROSS_MARGIN = 4.0  # per row: a gross error alone must not make the images look turned
 _TURNED = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
@@ -105,17 +108,19 @@ def iterate(
 def _iterate(
     conditions: ConditionEquations, start: ModelUnknowns, ties: bool, most: int
 ) -> ConvergedOrientation | None:
+    from scipy.linalg.lapack import dposv  # loaded with the first model
+
     with_scale = ties and not conditions.first
     first = 0 if with_scale else 1
     state = start
     rows = conditions.evaluate(state, ties=with_scale)
-    normal = rows @ rows.T
+    normal = rows.dot(rows.T)
     damping = 0.0
     for count in range(1, most + 1):
         square = float(normal[6, 6])
         if not square < inf:
             return None
-        solved = _solved(normal[first:6, first:6], normal[first:6, 6], damping)
+        solved = _solved(dposv, normal[first:6, first:6], normal[first:6, 6], damping)
         if solved is None:
             return None
         step, damping = solved
@@ -124,7 +129,7 @@ def _iterate(
             step = [s * LARGEST_TURN / longest for s in step]
         trial = _moved(state, step if with_scale else [0.0, *step])
         trial_rows = conditions.evaluate(trial, ties=with_scale)
-        trial_normal = trial_rows @ trial_rows.T
+        trial_normal = trial_rows.dot(trial_rows.T)
         # weights and coefficients move with the unknowns, hence the room of a few steps
         better = float(trial_normal[6, 6]) <= square * (1.0 + 4.0 * longest) + 1e-24
         if better:
@@ -142,10 +147,13 @@ def _iterate(
     return None
 
 
-def _solved(matrix: Array, right: Array, damping: float) -> tuple[list[float], float] | None:
+def _solved(
+    dposv: Callable[[Array, Array], tuple[Array, Array, int]],
+    matrix: Array,
+    right: Array,
+    damping: float,
+) -> tuple[list[float], float] | None:
     """Return the correction of damped normal equations, and the damping that it took."""
-    from scipy.linalg.lapack import dposv  # loaded with the first model
-
     while True:
         damped = matrix
         if damping:
@@ -166,23 +174,22 @@ def _moved(state: ModelUnknowns, step: list[float]) -> ModelUnknowns:
         state.bx * (1.0 + step[0]),
         state.beta_y + step[1],
         state.beta_z + step[2],
-        turn(*step[3:]) @ state.rotation,
+        turn(*step[3:]).dot(state.rotation),
     )
 
 
 def _kappa_rotation(kappa: float, fixed: Array) -> Array:
     s, c = sin(kappa), cos(kappa)
-    out: Array = fixed @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    out: Array = fixed.dot(np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]))
     return out
 
 
-def _similar_kappa(pair: Stereopair) -> float:
+def _similar_kappa(conditions: ConditionEquations) -> float:
     """Relative kappa of the plane similarity between the two photos' points."""
-    left, right = pair.xl, pair.xr
-    (lx, ly), (rx, ry) = left.sum(axis=0).tolist(), right.sum(axis=0).tolist()
-    (xx, xy), (yx, yy) = (right.T @ left).tolist()
-    n = len(left)
-    return atan2(xy - yx - (rx * ly - ry * lx) / n, xx + yy - (rx * lx + ry * ly) / n)
+    # z of every ray is -c: products with it are the sums
+    moments = conditions.p2.dot(conditions.p1.T).tolist()
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = moments
+    return atan2(xy - yx - (xz * zy - yz * zx) / zz, xx + yy - (xz * zx + yz * zy) / zz)
 
 
 def _tilt(pair: Stereopair, rotation: Array) -> float:
@@ -192,7 +199,7 @@ def _tilt(pair: Stereopair, rotation: Array) -> float:
     return atan2(across, lx * rx + ly * ry + lz * rz)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class FoundOrientation:
     """The most plausible orientation.
 
@@ -210,10 +217,16 @@ class FoundOrientation:
     meet: Intersection
     across: bool = False
 
+    @cached_property
+    def front(self) -> list[bool]:
+        """Which points lie in front of both photos."""
+        found: list[bool] = self.meet.in_front.tolist()
+        return found
+
     @property
     def in_front(self) -> float:
-        """Share of points in front of both photos."""
-        return int(np.count_nonzero(self.meet.in_front)) / len(self.meet.left)
+        """Share of them."""
+        return self.front.count(True) / len(self.front)
 
     @property
     def along(self) -> bool:
@@ -312,7 +325,8 @@ def vertical_start(
 ) -> ModelUnknowns:
     """Return the first approximation: tilts of the left photo, kappa from a plane similarity."""
     size = bx or abs(conditions.preceding_bx or 1.0)
-    return ModelUnknowns(size, 0.0, 0.0, _kappa_rotation(_similar_kappa(pair), pair.fixed.rotation))
+    kappa = _similar_kappa(conditions)
+    return ModelUnknowns(size, 0.0, 0.0, _kappa_rotation(kappa, pair.fixed.rotation))
 
 
 def _direct(
@@ -444,11 +458,19 @@ def _best_of_grid(
     if not candidates:
         return None
     merits = [_implausibility(item, apriori_mm) for item in candidates]
-    order = sorted(range(len(merits)), key=merits.__getitem__)
-    along = [k for k in order if not candidates[k][0].across]
-    if not along or merits[order[0]] + _ACROSS_MARGIN * conditions.row_count < merits[along[0]]:
-        return candidates[order[0]][0]
-    return candidates[along[0]][0]
+    best = _first_of_best(merits, range(len(merits)))
+    along = [k for k, item in enumerate(candidates) if not item[0].across]
+    if along:
+        straight = _first_of_best(merits, along)
+        if not merits[best] + _ACROSS_MARGIN * conditions.row_count < merits[straight]:
+            best = straight
+    return candidates[best][0]
+
+
+def _first_of_best(merits: list[float], among: Sequence[int]) -> int:
+    """Return the first of those that differ from the lowest by no more than the iteration does."""
+    lowest = min(merits[k] for k in among)
+    return next(k for k in among if not merits[k] > lowest + _SAME_MERIT)
 
 
 def _implausibility(item: Candidate, apriori_mm: float) -> float:
@@ -532,7 +554,7 @@ def _starts(
     eigenvector of the moment matrix of x' x x'' is the base, its eigenvalue the merit.
     """
     vertical = vertical_start(pair, conditions, bx)
-    kappa = _similar_kappa(pair)
+    kappa = _similar_kappa(conditions)
     tilts = (-0.2, 0.0, 0.2)
     kappas = [kappa + d for d in (0.0, -0.35, 0.35)] + [0.0, 0.5, -0.5, 1.0, -1.0]
     grid = list(product(kappas, tilts, tilts))

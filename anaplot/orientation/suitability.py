@@ -11,7 +11,16 @@ from anaplot.orientation.patterns import USUAL_C, USUAL_D, ideal_model
 from anaplot.orientation.results import Row
 from anaplot.textfiles.wording import plain
 
-__all__ = ["pattern_verdict", "unsuitable"]
+__all__ = ["pattern_verdict", "unsuitable", "worst_transfer"]
+
+
+def worst_transfer(transfers: Iterable[Transfer[Row]]) -> Transfer[Row] | None:
+    """Return the critical transfer that misleads most, the first of equal ones; None without any.
+
+    In a symmetric pattern many are equal: rounding must not say which one is named.
+    """
+    critical = (one for one in transfers if one.critical)
+    return max(critical, key=lambda one: float(f"{one.share:.9g}"), default=None)
 
 
 def unsuitable(transfers: Iterable[Transfer[Row]]) -> str:
@@ -21,10 +30,9 @@ def unsuitable(transfers: Iterable[Transfer[Row]]) -> str:
     their critical error transfer, which prevents an efficient quality control" (Kratky and
     El-Hakim 1983, of six and nine points).
     """
-    critical = [one for one in transfers if one.critical]
-    if not critical:
+    worst = worst_transfer(transfers)
+    if worst is None:
         return ""
-    worst = max(critical, key=lambda one: one.share)
     return (
         "not suitable for on-line triangulation: an error in {} ({}) shows {:.1f} times as large "
         "in {} ({})".format(*worst.source, worst.share, *worst.target)

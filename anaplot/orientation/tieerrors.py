@@ -16,9 +16,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
+from anaplot.adjustment.leastsquares import Adjustment
 from anaplot.aliases import Array
 from anaplot.errors import NotComputableError
 from anaplot.orientation.conditionequations import ConditionEquations, ModelUnknowns
@@ -35,8 +37,11 @@ __all__ = [
     "stationary_errors",
 ]
 
+_UPRIGHT = np.array(((0.0, 0.0, -1.0), (0.0, 0.0, 0.0), (1.0, 0.0, 0.0)))
+"""K of the XZ collinearity: dX z'' - dZ x'' = x'' . K d."""
 
-@dataclass(frozen=True, slots=True, eq=False)
+
+@dataclass(frozen=True, eq=False)
 class ExactStatistics:
     """What is known of a model's rows when the ties' errors count as they are.
 
@@ -44,40 +49,53 @@ class ExactStatistics:
     ----------
     misclosures
         (n, n) Sigma_F, covariance of the misclosures.
-    influence
-        (n, n) R = Q_vv P, what an error in each row does to every parallax.
     residuals
-        (n, n) S = R Sigma_F R', covariance of the residuals.
-    weight
-        (n, n) W = Sigma_F^-1 - Sigma_F^-1 B (B' Sigma_F^-1 B)^-1 B' Sigma_F^-1, of rank f: a
-        generalized inverse of S, v'W v = v'S+ v, and the cofactors of W F.
+        (n, n) S = R Sigma_F R', covariance of the residuals, R = Q_vv P.
+    vtpv
+        v'S+ v.
     unknowns
         (u, u) covariance of the unknowns.
     effects
-        (n,) how far an error of one a-priori sigma0 in a row moves the unknowns, at most, in
-        standard deviations of a function of them.
-    ties
-        What the model's points bring to the next model.
-    points
-        (n, 3, 3) covariance of each point in the model's system.
+        (n,) how far an error of one a-priori standard deviation of a row moves the unknowns, at
+        most, in standard deviations of a function of them.
+    rows
+        The rows with their derivatives.
+    span
+        (n, u) columns that span those of the design, image units.
     """
 
     misclosures: Array = field(repr=False)
-    influence: Array = field(repr=False)
     residuals: Array = field(repr=False)
-    weight: Array = field(repr=False)
+    vtpv: float
     unknowns: Array = field(repr=False)
     effects: Array = field(repr=False)
-    ties: TieErrors = field(repr=False)
-    points: Array = field(repr=False)
+    rows: _RowDerivatives = field(repr=False)
+    span: Array = field(repr=False)
+
+    @cached_property
+    def weight(self) -> Array:
+        """(n, n) W = Sigma_F^-1 - Sigma_F^-1 B (B' Sigma_F^-1 B)^-1 B' Sigma_F^-1, of rank f.
+
+        A generalized inverse of S, v'W v = v'S+ v, and the cofactors of W F.
+        """
+        return residual_weight(self.misclosures, self.span)
+
+    @cached_property
+    def ties(self) -> TieErrors:
+        """What the model's points bring to the next model."""
+        return self.rows.carried(self.misclosures)
+
+    @cached_property
+    def points(self) -> Array:
+        """(n, 3, 3) covariance of each point in the model's system."""
+        return self.rows.points(self.misclosures)
 
 
 def exact_statistics(
     pair: Stereopair,
     conditions: ConditionEquations,
     state: ModelUnknowns,
-    design: Array,
-    q_vv: Array,
+    adjusted: Adjustment,
 ) -> ExactStatistics:
     """Return the statistics of a model's rows with the errors of its ties.
 
@@ -87,36 +105,53 @@ def exact_statistics(
         The measurements and their conditions.
     state
         The converged unknowns.
-    design
-        (n, u) derivatives of the rows with respect to the unknowns, image units.
-    q_vv
-        (n, n) cofactors of the residuals by the weights of the solution.
+    adjusted
+        Its rows, adjusted by the weights of the solution.
 
     Raises
     ------
     ValueError
         The preceding model brings no covariance of its points.
+
+    Notes
+    -----
+    With U the basis of the weighted design and T = U' P^1/2 Sigma_F P^1/2 U the unknowns have the
+    covariance T along U, and an error in row i moves them by row i of U. Residuals do not change
+    when misclosures change along B: of L^-1 v, Sigma_F = L L', v'S+ v is the square of what stands
+    upright on L^-1 B, the last element of its triangular factor.
     """
-    q_l = conditions.cofactors(state.bx)
+    from scipy.linalg.lapack import dgeqrf  # loaded with the first model
+
     rows = _RowDerivatives(pair, conditions, state)
     sigma = rows.covariance()
-    influence = q_vv / q_l
-    gain = np.linalg.pinv(design / np.sqrt(q_l)[:, None]) / np.sqrt(q_l)
-    unknowns = gain @ sigma @ gain.T
-    # columns of unknowns of different units would make the factor's pivots meaningless
-    scale = np.sqrt(np.einsum("ii->i", unknowns))
-    root = np.linalg.cholesky(unknowns / scale[:, None] / scale)
-    effects = np.linalg.norm(np.linalg.solve(root, gain / scale[:, None]), axis=0)
+    basis, root, u = adjusted.basis, adjusted.root, adjusted.basis.shape[1]
+    influence = adjusted.q_vv / adjusted.q_l
+    weighted = basis / root[:, None]
+    along = weighted.T.dot(sigma).dot(weighted)
+    moved = _whitener(along).dot(basis.T)
+    design = basis * root[:, None]
+    triangle = dgeqrf(_whitener(sigma).dot(np.column_stack((design, adjusted.w))))[0]
     return ExactStatistics(
-        sigma,
-        influence,
-        influence @ sigma @ influence.T,
-        residual_weight(sigma, design),
-        unknowns,
-        effects,
-        rows.carried(sigma),
-        rows.points(sigma),
+        misclosures=sigma,
+        residuals=influence.dot(sigma).dot(influence.T),
+        vtpv=float(triangle[u, u]) ** 2 if len(sigma) > u else 0.0,
+        unknowns=adjusted.back.dot(along).dot(adjusted.back.T),
+        effects=np.sqrt(np.einsum("ij,ij->j", moved, moved)),
+        rows=rows,
+        span=design,
     )
+
+
+def _whitener(covariance: Array) -> Array:
+    """Return L^-1 of a covariance L L'; LinAlgError where it is not positive definite."""
+    # not dtrtrs: OpenBLAS wakes its threads for it, however small the matrix is
+    from scipy.linalg.lapack import dpotrf, dtrtri
+
+    factor, info = dpotrf(covariance, lower=1, clean=1)
+    if info:
+        raise np.linalg.LinAlgError("Matrix is not positive definite")
+    inverse, _ = dtrtri(factor, lower=1)
+    return np.asarray(inverse)
 
 
 def point_cofactors(
@@ -239,8 +274,7 @@ def moved_by_errors(
 
 def residual_weight(sigma: Array, design: Array) -> Array:
     """Return W = Sigma^-1 - Sigma^-1 B (B' Sigma^-1 B)^-1 B' Sigma^-1, (n, n) of rank n - u."""
-    root = np.linalg.cholesky(sigma)
-    whitener = np.linalg.solve(root, np.eye(len(sigma)))
+    whitener = _whitener(sigma)
     white = whitener @ design
     q, _ = np.linalg.qr(white / np.linalg.norm(white, axis=0))
     left = whitener - q @ (q.T @ whitener)
@@ -255,16 +289,13 @@ class _RowDerivatives:
     ) -> None:
         self._pair, self._conditions, self._state = pair, conditions, state
         y, x = conditions.y_index, conditions.x_index
+        n, m = len(y), len(x)
         self._point = np.array([*y, *x], dtype=np.intp)
-        self._ties = slice(len(y), len(y) + len(x))
-        n, m = len(pair.points), len(x)
+        self._ties = slice(n, n + m)
         with np.errstate(all="ignore"):
-            image, self._by_tie = _misclosure_derivatives(pair, conditions, state)
-        # (rows, n, 4): every row by every point's xl, yl, xr, yr
-        self._by_image = np.zeros((len(self._point), n, 4))
-        self._by_image[np.arange(len(self._point)), self._point] = image
-        self._c = np.zeros((m, 3, m, 3))
-        self._d = np.zeros((m, 3, n, 2))  # ties with left coordinates
+            self._image, self._by_tie = _misclosure_derivatives(pair, conditions, state)
+        self._known: Array | None = None  # C of the ties, (3m, 3m)
+        self._shared: Array | None = None  # D of the ties, (m, 3, points, 2); None: all is zero
         if m:
             self._take(pair)
 
@@ -274,25 +305,45 @@ class _RowDerivatives:
         if known is None:
             raise ValueError(f"model {pair.name}: its ties come without their covariance")
         at = {name: k for k, name in enumerate(known.points)}
-        ties = np.array([at[pair.points[k]] for k in self._conditions.x_index], dtype=np.intp)
-        count = len(known.points)
-        c = known.covariance.reshape(count, 3, count, 3)
-        self._c = c[ties][:, :, ties]
+        ties = [at[pair.points[k]] for k in self._conditions.x_index]
+        index = np.array([3 * k + axis for k in ties for axis in (0, 1, 2)], dtype=np.intp)
+        self._known = known.covariance[index[:, None], index]
         again = [k for k, name in enumerate(pair.points) if name in pair.once and name in at]
-        before = [at[pair.points[k]] for k in again]
-        d = known.with_right.reshape(count, 3, count, 2)
-        self._d[:, :, again] = d[ties][:, :, before]
+        if again:
+            before = [at[pair.points[k]] for k in again]
+            d = known.with_right.reshape(len(at), 3, len(at), 2)
+            self._shared = np.zeros((len(ties), 3, len(pair.points), 2))
+            self._shared[:, :, again] = d[ties][:, :, before]
+
+    @cached_property
+    def _by_image(self) -> Array:
+        """(rows, n, 4) derivatives of every row by every point's xl, yl, xr, yr."""
+        out = np.zeros((len(self._point), len(self._pair.points), 4))
+        out[np.arange(len(out)), self._point] = self._image
+        return out
+
+    @cached_property
+    def _by_ties(self) -> Array:
+        """(m, 3m) B_t of the x rows."""
+        m = len(self._by_tie)
+        out = np.zeros((m, m, 3))
+        each = np.arange(m)
+        out[each, each] = self._by_tie
+        return out.reshape(m, 3 * m)
 
     def covariance(self) -> Array:
         """Return Sigma_F (rows, rows)."""
-        flat = self._by_image.reshape(len(self._point), -1)
-        out: Array = flat @ flat.T
-        ties = self._ties
-        by = self._by_tie
-        out[ties, ties] += np.einsum("ia,iajb,jb->ij", by, self._c, by)
-        both = np.einsum("rkc,iakc,ia->ri", self._by_image[:, :, :2], self._d, by)
-        out[:, ties] += both
-        out[ties] += both.T
+        out: Array = self._image.dot(self._image.T)
+        out *= self._point[:, None] == self._point
+        if self._known is not None:
+            ties, by = self._ties, self._by_ties
+            out[ties, ties] += by.dot(self._known).dot(by.T)
+        if self._shared is not None:
+            both = np.einsum(
+                "rkc,iakc,ia->ri", self._by_image[:, :, :2], self._shared, self._by_tie
+            )
+            out[:, ties] += both
+            out[ties] += both.T
         return 0.5 * (out + out.T)
 
     def carried(self, sigma: Array) -> TieErrors:
@@ -329,9 +380,10 @@ class _RowDerivatives:
     def _common(self, direct: Array) -> Array:
         """Return (n, 3, rows) what the points and the misclosures have in common."""
         out: Array = np.einsum("kac,rkc->kar", direct, self._by_image)
-        out[:, :, self._ties] += np.einsum(
-            "kac,ibkc,ib->kai", direct[:, :, :2], self._d, self._by_tie
-        )
+        if self._shared is not None:
+            out[:, :, self._ties] += np.einsum(
+                "kac,ibkc,ib->kai", direct[:, :, :2], self._shared, self._by_tie
+            )
         return out
 
     def moves(self, *, from_right: bool = True) -> tuple[Array, Array, Array]:
@@ -357,29 +409,33 @@ class _RowDerivatives:
 
     def gain_of_ties(self, gain: Array) -> Array:
         """Return (u, 3m) G B_t."""
-        own = gain[:, self._ties]
-        return (own[:, :, None] * self._by_tie).reshape(len(own), -1)
+        return np.asarray(gain[:, self._ties] @ self._by_ties)
 
 
 def _misclosure_derivatives(
     pair: Stereopair, conditions: ConditionEquations, state: ModelUnknowns
 ) -> tuple[Array, Array]:
-    """(rows, 4) of F / a by xl, yl, xr, yr of the row's point; (m, 3) by the tie seen from left."""
+    """(rows, 4) of F / a by xl, yl, xr, yr of the row's point; (m, 3) by the tie seen from left.
+
+    Both conditions are bilinear: (beta x x') . x'' = x'' . S x' and, with d from the right
+    projection centre to the tie, x'' . K d.
+    """
     left, right = pair.fixed.rotation, state.rotation
-    beta = np.array((1.0, state.beta_y, state.beta_z))
-    y, x = conditions.y_index, conditions.x_index
-    x1, x2 = conditions.x1[:, y], right @ conditions.p2[:, y]
-    by_left = left.T @ np.cross(x2, beta[:, None], axis=0)
-    by_right = right.T @ np.cross(beta[:, None], x1, axis=0)
-    plane = np.concatenate((by_left[:2], by_right[:2])) / -x1[2]
+    beta_y, beta_z = state.beta_y, state.beta_z
+    across = np.array(((0.0, -beta_z, beta_y), (beta_z, 0.0, -1.0), (-beta_y, 1.0, 0.0)))
+    x1, p2, n = conditions.x1, conditions.p2, len(conditions.y_index)
+    if n < len(pair.points):
+        x1, p2 = x1[:, conditions.y_index], p2[:, conditions.y_index]
+    by_image = np.zeros((4, conditions.row_count))
+    by_image[:2, :n] = left.T[:2].dot(across.T.dot(right)).dot(p2)
+    by_image[2:, :n] = right.T[:2].dot(across).dot(x1)
+    by_image[:, :n] /= -x1[2]
     tie = conditions.tie_points
-    dx, dz = tie[0] - state.bx, tie[2] - state.bx * state.beta_z
-    x2 = right @ conditions.p2[:, x]
-    none = np.zeros(len(x))
-    by_right = right.T @ np.array((-dz, none, dx))
-    line = np.concatenate((np.zeros((2, len(x))), by_right[:2])) / -dz
-    by_tie = left.T @ np.array((x2[2], none, -x2[0])) / -dz
-    return np.concatenate((plane, line), axis=1).T, by_tie.T
+    away = tie - np.array(((state.bx,), (0.0,), (state.bx * beta_z,)))
+    by_image[2:, n:] = right.T[:2].dot(_UPRIGHT).dot(away)
+    by_image[2:, n:] /= -away[2]
+    by_tie = left.T.dot(_UPRIGHT.T.dot(right)).dot(conditions.tie_p2) / -away[2]
+    return by_image.T, by_tie.T
 
 
 def _point_derivatives(

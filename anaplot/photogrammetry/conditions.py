@@ -113,7 +113,8 @@ def coefficients(bx: float, beta_y: float, beta_z: float, rotation: Array) -> Ar
         (3, 3) rotation R of the right photo, image to object.
     """
     functions = np.array((1.0, beta_y, beta_z, bx, bx * beta_z))
-    out: Array = ((_TENSOR @ functions).reshape(6 * ROWS, 3) @ rotation).reshape(ROWS, 18)
+    # `dot` rather than @, whose way to BLAS is twice as long
+    out: Array = _TENSOR.dot(functions).reshape(6 * ROWS, 3).dot(rotation).reshape(ROWS, 18)
     return out
 
 

@@ -59,6 +59,9 @@ def intersect(
         determinant = x2[0] * x1[2] - x1[0] * x2[2]
         left = (bz * x2[0] - bx * x2[2]) / determinant
         right = (bz * x1[0] - bx * x1[2]) / determinant
-        points = centre[:, None] + left * x1
-        points[1] += 0.5 * (by + right * x2[1] - left * x1[1])
+        points = left * x1
+        y = points[1]
+        y += by + right * x2[1]
+        y *= 0.5
+        points += centre[:, None]
     return Intersection(points, left, right)

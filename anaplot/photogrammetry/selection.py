@@ -5,9 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from anaplot.aliases import RowKey
-from anaplot.photogrammetry.block import ImagePoint
+from anaplot.photogrammetry.block import Block, ImagePoint
 
-__all__ = ["measured_once", "model_name", "model_splits", "points_of", "rows_by_photo", "rows_off"]
+__all__ = [
+    "measured_in_files",
+    "measured_once",
+    "model_name",
+    "model_splits",
+    "points_of",
+    "rows_by_photo",
+    "rows_off",
+]
 
 
 def model_name(left: str, right: str) -> str:
@@ -60,6 +68,19 @@ def points_of(image_points: Iterable[ImagePoint], photo: str, model: str) -> dic
         elif row.model is None and row.point not in selected:
             selected[row.point] = row
     return selected
+
+
+def measured_in_files(block: Block) -> frozenset[tuple[str, str]]:
+    """Return (left, right) of the models that have points common to both photos in the files."""
+    rows = rows_by_photo(block.image_points)
+    found = set()
+    for strip in block.strips:
+        for left, right in strip.models():
+            name = f"{left}/{right}"
+            in_left, in_right = (points_of(rows.get(p, ()), p, name) for p in (left, right))
+            if not in_left.keys().isdisjoint(in_right):
+                found.add((left, right))
+    return frozenset(found)
 
 
 def rows_off(left: Mapping[str, ImagePoint], right: Mapping[str, ImagePoint]) -> frozenset[RowKey]:

@@ -80,6 +80,7 @@ class Decoder:
         self._understood_records = dict.fromkeys(profile.links, 0)
         self._origin = Origin(profile.stage)
         self._heard_cycle: int | None = None
+        self._kind = ""  # of the record decoded last, "" when it was refused
 
     @property
     def profile(self) -> Profile:
@@ -119,11 +120,18 @@ class Decoder:
             if self._poller is not None:
                 self._poller.bytes_came(now)
         readings: list[Reading] = list(self._presses.expire(now))
-        for frame in framer.feed(data, now):
+        frames = framer.feed(data, now)
+        unasked = True
+        for frame in frames:
+            self._kind = ""
             if isinstance(frame, Refused):
                 readings.append(frame)
-                continue
-            readings.extend(self._decode(frame, now, name))
+            else:
+                readings.extend(self._decode(frame, now, name))
+            unasked = unasked and self._kind == "record"
+        if self._poller is not None and frames:
+            between = all(one.between for one in self._framers.values())
+            self._poller.records_came(unasked=unasked and between)
         return readings
 
     def tick(self, now: float) -> list[Reading]:
@@ -313,6 +321,7 @@ class Decoder:
             return [*self._notes, *readings]
         except RefusedError as refusal:
             self._framers[link].lose_sync()
+            self._kind = ""
             return [*self._notes, *self._refuse(frame, str(refusal))]
 
     def _refuse(self, frame: bytes, reason: str) -> list[Reading]:
@@ -323,6 +332,7 @@ class Decoder:
         self, record: RecordFormat, match: re.Match[bytes], frame: bytes, now: float, link: str
     ) -> list[Reading]:
         self._understood_records[link] += 1
+        self._kind = record.kind
         answered = self._answered(link, now) if record.kind == "position" else None
         if record.kind == "ignore":
             return []

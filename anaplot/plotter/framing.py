@@ -36,6 +36,11 @@ class Framer:
         self._skipping = self._framing.joined == "middle"
         self._reason = "the start was missed"
 
+    @property
+    def between(self) -> bool:
+        """Whether the line is between two records: nothing of the next one has come yet."""
+        return not self._buffer and not self._skipping
+
     def feed(self, data: bytes, now: float) -> list[bytes | Refused]:
         """Take bytes and return the records that are complete.
 

@@ -15,7 +15,7 @@ from anaplot.plotter.schema import Poll
 
 __all__ = ["Poller", "Request"]
 
-_QUIET = 0.02  # s without a byte before the next request: what comes twice comes at once
+_QUIET = 0.02  # s after an answer before the next request: what comes twice comes at once
 _LAG = 3  # answers still owed when one has come, from which on a pause is worth its time
 _MOST = 8  # owed at most, when somebody waits for an answer
 _CHATTER = 4.0  # timeouts after which a line that is never quiet is asked all the same
@@ -56,7 +56,7 @@ class Poller:
         self._unheard: set[str] = set()
         self._urgent = False
         self._settling = False
-        self._last_byte = float("-inf")
+        self._last_byte = self._last_answer = float("-inf")
 
     @property
     def cycle(self) -> int:
@@ -84,6 +84,22 @@ class Poller:
     def bytes_came(self, now: float) -> None:
         """Take notice of bytes on any link, whatever they mean."""
         self._last_byte = now
+
+    def records_came(self, *, unasked: bool) -> None:
+        """Take notice of what the bytes that came were, as soon as records of them are complete.
+
+        Parameters
+        ----------
+        unasked
+            They were whole records that answer nothing, and nothing more is begun. The next request
+            need not wait for the line to be quiet: an answer that comes twice comes at once, and
+            so before what was said after it on its line. Of several lines the others may still
+            have one.
+        """
+        if unasked:
+            self._last_byte = self._last_answer if len(self._owed) > 1 else float("-inf")
+        else:
+            self._last_answer = self._last_byte
 
     def begin(self, now: float) -> None:
         """Take notice that a cycle's requests are about to leave."""

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from anaplot.report.document import Answer, Document, Line, say
 from anaplot.report.photocures import PhotoCures, cure_words
-from anaplot.session.blockaccidents import MOST_MEASUREMENTS, BlockAccidents
+from anaplot.session.filedaccidents import MOST_MEASUREMENTS, BlockAccidents
 from anaplot.session.photoaccidents import PhotoAccident
 
 __all__ = [

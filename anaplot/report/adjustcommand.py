@@ -6,24 +6,18 @@ import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from anaplot.adjustment.watch import Watch
-from anaplot.aliases import Progress, Strategy
+from anaplot.aliases import Grouping, PriorEstimator, Progress, Strategy
 from anaplot.bundle.adjust import adjust_block
-from anaplot.bundle.errors.controllast import ControlLast
 from anaplot.bundle.errors.doublenames import double_names
-from anaplot.bundle.errors.grosserrors import BlockFindings
 from anaplot.bundle.hypotheses.blockhypotheses import block_hypotheses
-from anaplot.bundle.hypotheses.chosenparameters import choose_parameters
-from anaplot.bundle.hypotheses.components import Grouping, block_components
-from anaplot.bundle.hypotheses.controlpages import control_pages
 from anaplot.bundle.hypotheses.coordinatefunctions import evaluate_functions
 from anaplot.bundle.hypotheses.errorsets import error_set_tests
 from anaplot.bundle.hypotheses.giventests import given_tests
 from anaplot.bundle.hypotheses.offsetadvice import offset_advice
 from anaplot.bundle.hypotheses.offsettests import offset_tests
-from anaplot.bundle.hypotheses.priorknowledge import PriorEstimator, prior_estimate
 from anaplot.bundle.hypotheses.verdict import HypothesisSettings
 from anaplot.bundle.solve.posteriors import coordinates_meant
 from anaplot.bundle.solve.posteriors import posterior_of as posterior_of_block
@@ -35,7 +29,6 @@ from anaplot.report import planting
 from anaplot.report.accidentlines import with_photo_accidents
 from anaplot.report.adjustarguments import add_adjust_arguments
 from anaplot.report.adjustdocument import adjust_document
-from anaplot.report.adjusterrors import clean_block, clean_step_by_step, errors_document
 from anaplot.report.blockadjustment import BlockAdjustment
 from anaplot.report.calibration import calibration_asked, calibration_document
 from anaplot.report.camerafiles import (
@@ -43,11 +36,8 @@ from anaplot.report.camerafiles import (
     with_moved_points,
     write_cameras,
 )
-from anaplot.report.chosenparameters import choice_document
-from anaplot.report.components import components_document
 from anaplot.report.computed import Computed
 from anaplot.report.conditionpoints import refuse_unknown_points
-from anaplot.report.controlpages import control_pages_document
 from anaplot.report.correlations import correlated_rays, correlations_document
 from anaplot.report.covariance import (
     CovarianceQuestion,
@@ -73,16 +63,17 @@ from anaplot.report.parameters import Known, automatic_choice, parameters_of
 from anaplot.report.photocures import naming_wrong_photos
 from anaplot.report.posteriorfile import check_carried, with_given, write_posterior
 from anaplot.report.power import check_power
-from anaplot.report.priorknowledge import prior_document
 from anaplot.report.running import BlockOrFolder, block_of
-from anaplot.report.snooping import snoop_block, snooping_document
-from anaplot.report.thinning import named_points, thinned, thinning_document
 from anaplot.session.photoaccidents import PhotoAccidentKind, photo_accidents
 from anaplot.textfiles.wholefile import all_or_nothing
 
-__all__ = ["adjust", "find_gross_errors"]
+if TYPE_CHECKING:
+    from anaplot.bundle.errors.controllast import ControlLast
 
-_NO_ACCIDENT: tuple[PhotoAccidentKind, ...] = ("turned",)  # a bundle finds it as well
+__all__ = ["NO_ACCIDENT", "adjust"]
+
+NO_ACCIDENT: tuple[PhotoAccidentKind, ...] = ("turned",)
+"""What is wrong with a photo of a strip, and a bundle finds as well."""
 
 
 @takes_options(add_adjust_arguments)
@@ -293,13 +284,17 @@ def adjust(
     asked = functions_of(function or ())
     watch = progress if isinstance(progress, Watch) else Watch(progress)
     cleaned = earlier = choice = thinning = None
-    with naming_wrong_photos(measured, _NO_ACCIDENT):
+    with naming_wrong_photos(measured, NO_ACCIDENT):
         if errors is None:
             adjusted = adjust_block(measured, datum=datum, additional=chosen, progress=watch)
             if tried:
+                from anaplot.bundle.hypotheses.chosenparameters import choose_parameters
+
                 choice = choose_parameters(adjusted, tried, settings, progress=watch)
                 adjusted = choice.block
         elif control_last:
+            from anaplot.report.adjusterrors import clean_step_by_step
+
             with watch.searching():
                 earlier = clean_step_by_step(
                     measured,
@@ -312,6 +307,8 @@ def adjust(
                 )
             cleaned, adjusted = earlier.control, earlier.block
         else:
+            from anaplot.report.adjusterrors import clean_block
+
             problem = make_problem(measured, datum=datum, additional=chosen)
             with watch.searching():
                 cleaned = clean_block(
@@ -319,6 +316,8 @@ def adjust(
                 )
             adjusted = cleaned.block
         if thin is not None:
+            from anaplot.report.thinning import named_points, thinned
+
             words = () if question is None else question.wanted
             words += () if posterior is None else names_in(posterior_of or "points")
             tests = error_sets_of(adjusted, test_set or ())
@@ -328,11 +327,15 @@ def adjust(
             adjusted = thinning.block
     estimated = None
     if prior is not None:
+        from anaplot.bundle.hypotheses.priorknowledge import prior_estimate
+
         estimated = prior_estimate(adjusted, prior, progress=watch)
         adjusted = estimated.block
     watch("results", 0.0)
     snooped = None
     if snooping:
+        from anaplot.report.snooping import snoop_block
+
         tolerance = snooping_tolerance / 100.0
         snooped = snoop_block(
             adjusted, tolerance=tolerance, model=snooping_model, bridging=snooping_bridging
@@ -340,14 +343,20 @@ def adjust(
     related = None if correlations is None else correlated_rays(adjusted, correlations)
     parted = None
     if components is not None:
+        from anaplot.bundle.hypotheses.components import block_components
+
         parted = block_components(adjusted, components, operators=who, progress=watch)
     tested = block_hypotheses(adjusted, settings)
     agreed = given_tests(adjusted, settings)
     sets = error_set_tests(adjusted, error_sets_of(adjusted, test_set or ()))
     values = evaluate_functions(adjusted, asked)
-    left = None
+    left = pages = None
     if posterior is not None:
         left = posterior_of_block(adjusted, names_in(posterior_of or "points"))
+    if control_page:
+        from anaplot.bundle.hypotheses.controlpages import control_pages
+
+        pages = control_pages(adjusted)
     spread = None if question is None else question.answered(adjusted)
     found = BlockAdjustment(
         adjusted,
@@ -365,7 +374,7 @@ def adjust(
         left,
         spread,
         offset_tests(adjusted, settings),
-        control_pages(adjusted) if control_page else None,
+        pages,
         thinning,
     )
     flagged = adjusted.any_flagged or bool(found.rejected or found.points_left_out)
@@ -376,7 +385,7 @@ def adjust(
             write_posterior(Path(posterior), left)
         write_asked(spread)
     document = planting.with_planting(_document(found, snooping, correlations), planted)
-    wrong = [one for one in photo_accidents(measured) if one.kind not in _NO_ACCIDENT]
+    wrong = [one for one in photo_accidents(measured) if one.kind not in NO_ACCIDENT]
     document = with_photo_accidents(document, wrong)
     if prior is None:  # which weights a second adjustment would take anew
         document = with_double_names(document, double_names(adjusted, watch))
@@ -384,87 +393,6 @@ def adjust(
     document = with_moved_points(document, cameras)
     document = with_lengths_of(measured, with_journal_notes(document, note))
     return Computed(found, document, flagged)
-
-
-@takes_options(add_adjust_arguments)
-def find_gross_errors(
-    block: BlockOrFolder,
-    errors: Strategy = "odds",
-    *,
-    datum: Datum = "control",
-    additional: str | None = None,
-    additional_sigma_um: float | None = None,
-    additional_prior: Known | None = None,
-    additional_reference_mm: float | None = None,
-    calibrate: str | Sequence[str] | None = None,
-    calibrate_sigma: str | Sequence[str] | None = None,
-    gnss_shift: Literal["none", "block", "strip"] | None = None,
-    gnss_shift_sigma: float | None = None,
-    gnss_drift: Literal["none", "block", "strip"] | None = None,
-    gnss_drift_sigma: float | None = None,
-    imu_boresight: Literal["none", "block", "camera"] | None = None,
-    imu_boresight_sigma: float | None = None,
-    partner: float | None = None,
-    as_given: bool = False,
-    pairs: bool = False,
-    given: str | os.PathLike[str] | Posterior | None = None,
-    given_without: str | Sequence[str] | None = None,
-    progress: Progress | None = None,
-) -> Computed[BlockFindings]:
-    """Search a block for gross errors: what `adjust` says under "errors", and nothing else.
-
-    Parameters
-    ----------
-    block
-        A block, or its folder; it is only read.
-    errors
-        Name of the strategy.
-    datum, given, given_without, partner, as_given, pairs, progress
-        As `adjust` has them.
-    additional, additional_sigma_um, additional_prior, additional_reference_mm
-        As `adjust` has them.
-    calibrate, calibrate_sigma
-        As `adjust` has them.
-    gnss_shift, gnss_shift_sigma, gnss_drift, gnss_drift_sigma
-        As `adjust` has them.
-    imu_boresight, imu_boresight_sigma
-        As `adjust` has them.
-
-    Returns
-    -------
-    Computed of BlockFindings
-        What is rejected and on what evidence, and the block without it.
-
-    Raises
-    ------
-    InputError
-        Bad input.
-    NotComputableError
-        The block has no solution, also without what fits nowhere.
-    """
-    check_carried(given, given_without, None, None, datum, None)
-    measured, _ = block_of(block)
-    note = journal_note(block, measured)
-    refuse_unknown_points(measured)
-    measured = with_given(measured, given, names_in(given_without or ()))
-    measured = with_offsets(
-        measured,
-        datum,
-        shift=(gnss_shift, gnss_shift_sigma),
-        drift=(gnss_drift, gnss_drift_sigma),
-        boresight=(imu_boresight, imu_boresight_sigma),
-    )
-    chosen = calibration_asked(measured, calibrate, calibrate_sigma, additional)
-    if chosen is None:
-        chosen = parameters_of(
-            additional, additional_sigma_um, additional_prior, additional_reference_mm
-        )
-    problem = make_problem(measured, datum=datum, additional=chosen)
-    watch = progress if isinstance(progress, Watch) else Watch(progress)
-    with naming_wrong_photos(measured, _NO_ACCIDENT), watch.searching():
-        found = clean_block(problem, errors, partner, pairs=pairs, as_given=as_given, watch=watch)
-    document = with_lengths_of(measured, with_journal_notes(errors_document(found), note))
-    return Computed(found, document, bool(found.rejected or found.points))
 
 
 def _document(found: BlockAdjustment, snooping: bool, correlations: float | None) -> Document:
@@ -480,14 +408,22 @@ def _document(found: BlockAdjustment, snooping: bool, correlations: float | None
     if bent is not None:
         parts["doming"] = bent
     if found.choice is not None:
+        from anaplot.report.chosenparameters import choice_document
+
         parts["choice"] = choice_document(found.choice)
     if snooping:
+        from anaplot.report.snooping import snooping_document
+
         parts["snooping"] = snooping_document(found.snooping)
     if found.correlations is not None and correlations is not None:
         parts["correlations"] = correlations_document(found.correlations, correlations)
     if found.prior_estimate is not None:
+        from anaplot.report.priorknowledge import prior_document
+
         parts["prior_estimate"] = prior_document(found.prior_estimate)
     if found.components is not None:
+        from anaplot.report.components import components_document
+
         parts["components"] = components_document(found.components)
     if found.offsets is not None:
         parts["offsets"] = offsets_document(found.offsets)
@@ -498,14 +434,20 @@ def _document(found: BlockAdjustment, snooping: bool, correlations: float | None
     if found.asked_covariance is not None:
         parts["covariance"] = covariance_document(found.asked_covariance)
     if found.control_pages is not None:
+        from anaplot.report.controlpages import control_pages_document
+
         parts["control_pages"] = control_pages_document(found.control_pages)
     if found.test_sets:
         parts["test_sets"] = error_sets_document(found.test_sets)
     if found.functions:
         parts["functions"] = functions_document(found.functions)
     if found.errors is not None:
+        from anaplot.report.adjusterrors import errors_document
+
         parts["errors"] = errors_document(found.errors)
     if found.thinning is not None:
+        from anaplot.report.thinning import thinning_document
+
         parts["thinning"] = thinning_document(found.thinning)
     if found.errors_without_control is not None:
         parts["errors_without_control"] = _without_control(found.errors_without_control)
@@ -544,6 +486,8 @@ def _whole(document: Document, parts: dict[str, Document]) -> Document:
 
 def _without_control(steps: ControlLast) -> Document:
     """Return the document of the cleaning before control came in."""
+    from anaplot.report.adjusterrors import errors_document
+
     first = errors_document(steps.images)
     held = {
         "priors": "by priors",

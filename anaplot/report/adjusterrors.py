@@ -37,30 +37,19 @@ from anaplot.report.document import (
 )
 from anaplot.report.groundchange import change_json, change_lines
 from anaplot.report.modelvalues import model_values_json, model_values_line
+from anaplot.report.observationnames import SHOWN_UNITS, in_words, name_json
 from anaplot.report.searchoptions import search_settings, sigma0_in_words
 
 __all__ = [
-    "SHOWN_UNITS",
     "clean_block",
     "clean_step_by_step",
     "errors_document",
-    "in_words",
-    "name_json",
     "rejected_table",
 ]
 
 _MOST = 30  # rows of a list in the text; JSON holds them all
 _ODDS = 0.01  # smallest probability shown
 _BUT_HELD = " but those rejected before"
-SHOWN_UNITS = {
-    "um": (1.0, "um"),
-    "m": (1e3, "mm"),
-    "rad": (1e6, "urad"),
-    "mm": (1e3, "um"),
-    "m/s": (1e3, "mm/s"),
-    "m/photo": (1e3, "mm/photo"),
-}
-"""What people read of an observation's unit: times how much, and in which unit."""
 
 
 def clean_block(
@@ -119,36 +108,11 @@ def clean_step_by_step(
     )
 
 
-def in_words(name: ObservationName) -> Line:
-    """Return an observation in words."""
-    kind, first, *rest = name
-    if kind == "image":
-        point, model, axis = rest
-        inside = "" if model is None else say(" in {}", model)
-        return say("photo {}{}  point {}  {}", first, inside, point, axis)
-    if kind == "condition":
-        return say("{}  {} of {}", first, rest[1], rest[0])
-    words = {"control": "control point {}  {}", "point prior": "prior of point {}  {}"}
-    return say(words.get(str(kind), "prior of {}  {}"), first, rest[0])
-
-
 def _short(name: ObservationName) -> Line:
     """Return a partner in words: its point is that of the row that it stands beside."""
     if name[0] == "image":
         return say("{} of photo {}", name[4], name[1])
     return in_words(name)
-
-
-def name_json(name: ObservationName) -> Answer:
-    """Return an observation for programs: its kind, and what it belongs to."""
-    keys = {
-        "image": ("photo", "point", "model", "axis"),
-        "control": ("point", "axis"),
-        "point prior": ("point", "axis"),
-        "prior": ("owner", "unknown"),
-        "condition": ("id", "what", "axis"),
-    }[str(name[0])]
-    return {"kind": name[0], **dict(zip(keys, name[1:], strict=True))}
 
 
 def errors_document(cleaned: BlockFindings) -> Document:

@@ -20,7 +20,6 @@ from anaplot.report.columns import counted
 from anaplot.report.document import BLANK, Document, say
 from anaplot.report.output import Output
 from anaplot.report.running import computed, run_computation
-from anaplot.report.thinning import thinned_rows
 from anaplot.textfiles.wording import place, quoted
 
 __all__ = ["applied", "run_adjust", "taken_back"]
@@ -63,6 +62,8 @@ def run_adjust(options: argparse.Namespace) -> int:
             rejected = (row.name for row in found.result.rejected)
             rows = applied(rows, rejected, options.errors, found.result.points_left_out)
         if found.result.thinning is not None:
+            from anaplot.report.thinning import thinned_rows
+
             rows = thinned_rows(rows, frozenset(found.result.thinning.gone))
         _write(folder, before, rows)
     count = sum(now.use != then.use for now, then in zip(rows, before, strict=True))

@@ -3,31 +3,34 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
-from anaplot.adjustment.findings import Rejection
-from anaplot.bundle.errors.controllast import ControlLast
-from anaplot.bundle.errors.grosserrors import BlockFindings
-from anaplot.bundle.hypotheses.blockhypotheses import BlockHypotheses
-from anaplot.bundle.hypotheses.chosenparameters import ChosenParameters
-from anaplot.bundle.hypotheses.components import BlockComponents
-from anaplot.bundle.hypotheses.controlpages import ControlPage
-from anaplot.bundle.hypotheses.coordinatefunctions import FunctionValue
-from anaplot.bundle.hypotheses.errorsets import ErrorSetTest
-from anaplot.bundle.hypotheses.giventests import GivenTests
-from anaplot.bundle.hypotheses.offsettests import OffsetTests
-from anaplot.bundle.hypotheses.priorknowledge import BlockPrior
 from anaplot.bundle.solve.adjusted import AdjustedBlock
-from anaplot.bundle.solve.covariances import Covariance
-from anaplot.bundle.solve.observations import ObservationName
-from anaplot.bundle.thinning.thinning import Thinning
-from anaplot.photogrammetry.posterior import Posterior
 from anaplot.report.correlations import RayPair
 from anaplot.report.covariance import (
     AskedCovariance,
     Names,
     any_covariance,
 )
-from anaplot.report.snooping import SnoopedBlock
+
+if TYPE_CHECKING:
+    from anaplot.adjustment.findings import Rejection
+    from anaplot.bundle.errors.controllast import ControlLast
+    from anaplot.bundle.errors.grosserrors import BlockFindings
+    from anaplot.bundle.hypotheses.blockhypotheses import BlockHypotheses
+    from anaplot.bundle.hypotheses.chosenparameters import ChosenParameters
+    from anaplot.bundle.hypotheses.components import BlockComponents
+    from anaplot.bundle.hypotheses.controlpages import ControlPage
+    from anaplot.bundle.hypotheses.coordinatefunctions import FunctionValue
+    from anaplot.bundle.hypotheses.errorsets import ErrorSetTest
+    from anaplot.bundle.hypotheses.giventests import GivenTests
+    from anaplot.bundle.hypotheses.offsettests import OffsetTests
+    from anaplot.bundle.hypotheses.priorknowledge import BlockPrior
+    from anaplot.bundle.solve.covariances import Covariance
+    from anaplot.bundle.solve.observations import ObservationName
+    from anaplot.bundle.thinning.thinning import Thinning
+    from anaplot.photogrammetry.posterior import Posterior
+    from anaplot.report.snooping import SnoopedBlock
 
 __all__ = ["BlockAdjustment"]
 

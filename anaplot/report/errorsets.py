@@ -16,7 +16,6 @@ from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.observations import ObservationName
 from anaplot.errors import InputError
 from anaplot.exchange.errorsetscsv import SetRow, read_error_sets
-from anaplot.report.adjusterrors import SHOWN_UNITS, in_words, name_json
 from anaplot.report.document import (
     Answer,
     Block,
@@ -29,6 +28,7 @@ from anaplot.report.document import (
     say,
     table,
 )
+from anaplot.report.observationnames import SHOWN_UNITS, in_words, name_json
 from anaplot.report.verdicts import TEST_HEAD, labelled, verdict_cells, verdict_json
 from anaplot.textfiles.wording import hint, quoted
 

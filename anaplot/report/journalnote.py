@@ -11,10 +11,10 @@ from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import read_block
 from anaplot.photogrammetry.block import Block, ImagePoint
 from anaplot.report.document import Answer, Document, Line, say
-from anaplot.report.running import BlockOrFolder
 
 if TYPE_CHECKING:
-    from anaplot.station.edited import Journaled
+    from anaplot.report.running import BlockOrFolder
+    from anaplot.station.journaled import Journaled
 
 __all__ = ["journal_answer", "journal_note", "session_note", "with_journal_notes"]
 
@@ -42,7 +42,7 @@ def journal_note(folder: BlockOrFolder, block: Block) -> Answer | None:
     if isinstance(folder, Block) or not os.path.lexists(Path(folder) / "sessions"):
         return None
     # only blocks with a session need what a session needs
-    from anaplot.station.edited import journaled
+    from anaplot.station.journaled import journaled
 
     return journal_answer(Path(folder), journaled(Path(folder), block))
 

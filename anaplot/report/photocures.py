@@ -7,7 +7,6 @@ from contextlib import contextmanager
 from typing import NamedTuple, TypeAlias
 
 from anaplot.errors import InputError, NotComputableError
-from anaplot.orientation.strip import bridge_strip, pooled_sigma_um
 from anaplot.photogrammetry.block import Block
 from anaplot.photogrammetry.selection import rows_by_photo
 from anaplot.session.photoaccidents import (
@@ -64,6 +63,8 @@ def photo_cures(block: Block, accidents: Iterable[PhotoAccident]) -> PhotoCures:
 
 def _put_right(block: Block, names: Iterable[str]) -> StripsPutRight | None:
     """Return what strips of a block give; None where they cannot even be begun."""
+    from anaplot.orientation.strip import bridge_strip, pooled_sigma_um
+
     strips = [strip for strip in block.strips if strip.id in names]
     try:
         rows = rows_by_photo(block.image_points)

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 from anaplot.errors import NotComputableError
 from anaplot.exchange.blockfolder import read_block
@@ -17,10 +17,12 @@ from anaplot.report.computed import Computed
 from anaplot.report.interrupts import EndingEarly, TimeLimit
 from anaplot.report.keywords import keywords_of
 from anaplot.report.output import Output
-from anaplot.report.pageoption import AskedPage
 from anaplot.report.progress import ProgressLine
-from anaplot.shares.work import Place, in_order
 from anaplot.textfiles.wording import place, plain
+
+if TYPE_CHECKING:
+    from anaplot.report.pageoption import AskedPage
+    from anaplot.shares.work import Place
 
 __all__ = ["BlockOrFolder", "block_of", "computed", "run_computation", "run_side_by_side"]
 
@@ -105,6 +107,8 @@ def run_side_by_side(
     if at is None:
         results = [computed(one, compute).result for one in several]
     else:
+        from anaplot.shares.work import in_order
+
         with ProgressLine(sys.stderr) as line:
             keywords = [keywords_of(compute, vars(one)) for one in several]
             results = in_order(partial(_result, compute), keywords, at, partial(line, option))

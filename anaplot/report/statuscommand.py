@@ -40,16 +40,16 @@ from anaplot.report.keptblock import without_rejected
 from anaplot.report.lengthunits import with_lengths_of
 from anaplot.report.output import Output
 from anaplot.report.progress import working
-from anaplot.session.blockaccidents import block_accidents
-from anaplot.session.recomputed import Recomputed
+from anaplot.session.filedaccidents import NO_ACCIDENTS
 from anaplot.station.blockstatus import BlockStatus, status_of
 from anaplot.station.blockview import BlockView
-from anaplot.station.edited import Journaled, journaled
+from anaplot.station.journaled import Journaled, journaled
 from anaplot.textfiles.wording import plain
 
 if TYPE_CHECKING:
     from anaplot.bundle.solve.adjusted import AdjustedBlock
     from anaplot.orientation.strip import BridgedStrip
+    from anaplot.session.recomputed import Recomputed
 
 __all__ = ["adjusted_status", "block_status", "run_status", "status_document"]
 
@@ -104,7 +104,12 @@ def block_status(folder: Path) -> tuple[BlockStatus, Journaled, BlockContents, B
     block = read_block(folder)
     found = journaled(folder, block)
     name = plain(shlex.quote(str(folder)))
-    status = status_of(block, found.state, _view(block), name, block_accidents(block))
+    accidents = NO_ACCIDENTS
+    if block.image_points:
+        from anaplot.session.blockaccidents import block_accidents
+
+        accidents = block_accidents(block)
+    status = status_of(block, found.state, _view(block), name, accidents)
     return status, found, contents_of(block), block
 
 
@@ -133,6 +138,7 @@ def adjusted_status(
         Told of the accidents that are looked for; may raise to end it.
     """
     from anaplot.bundle.live import answer_of
+    from anaplot.session.blockaccidents import block_accidents
     from anaplot.station.blockanswer import view_of
 
     found = Journaled() if folder is None else journaled(folder, block)

@@ -53,6 +53,7 @@ class Accident(NamedTuple):
     first: str = ""
 
 
+@remembered
 def accidents(state: SessionState, known: Transfer) -> tuple[Accident, ...]:
     """Return what is wrong with points of the model in work, and with ties of its strip.
 

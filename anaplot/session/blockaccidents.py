@@ -7,67 +7,23 @@ strip, and after the strips before.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from anaplot.aliases import Progress
 from anaplot.orientation.striptie import FEWEST
 from anaplot.photogrammetry.block import Block
 from anaplot.session.accidents import Accident, accidents_in, farthest
 from anaplot.session.elsewhere import consecutive
+from anaplot.session.filedaccidents import MOST_MEASUREMENTS, BlockAccidents, FiledAccident
 from anaplot.session.filedmodels import filed_models
 from anaplot.session.modelstate import ModelState
-from anaplot.session.photoaccidents import PhotoAccident, photo_accidents
+from anaplot.session.photoaccidents import photo_accidents
 from anaplot.session.tiecheck import Known
 from anaplot.session.transfer import RECENT, transfer_of_strip
 
-__all__ = [
-    "MOST_MEASUREMENTS",
-    "NO_ACCIDENTS",
-    "BlockAccidents",
-    "FiledAccident",
-    "block_accidents",
-]
-
-MOST_MEASUREMENTS = 1500
-"""Points of models in a strip that is compared: every coordinate is an error of its own there."""
+__all__ = ["block_accidents"]
 
 _STEP = RECENT // 2  # models from one comparison of a strip with the others to the next
-
-
-@dataclass(frozen=True, slots=True)
-class FiledAccident:
-    """What is wrong with a point, in which strip, and the last model of it that has the point."""
-
-    strip: str
-    model: str
-    accident: Accident
-
-
-@dataclass(frozen=True, slots=True)
-class BlockAccidents:
-    """What is wrong with points of a block.
-
-    Attributes
-    ----------
-    found
-        One for a point of a strip, strip after strip.
-    unchecked
-        Strips with more than `MOST_MEASUREMENTS`, in which nothing was looked for.
-    photos
-        What is wrong with photographs.
-    """
-
-    found: tuple[FiledAccident, ...] = ()
-    unchecked: tuple[str, ...] = ()
-    photos: tuple[PhotoAccident, ...] = ()
-
-    @property
-    def surest(self) -> FiledAccident | None:
-        """The first of which it is certain that the point is the wrong one, or None."""
-        return next((one for one in self.found if one.accident.certain), None)
-
-
-NO_ACCIDENTS = BlockAccidents()
 
 
 def block_accidents(block: Block, progress: Progress | None = None) -> BlockAccidents:

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from itertools import combinations, pairwise
 from math import degrees, hypot, pi
-from typing import Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
@@ -19,7 +19,9 @@ from anaplot.aliases import Array
 from anaplot.photogrammetry.block import Block, ImagePoint
 from anaplot.photogrammetry.photolayout import PhotoPlace, laid_out, overlap
 from anaplot.photogrammetry.selection import model_name, model_splits
-from anaplot.session.modelstate import ModelState
+
+if TYPE_CHECKING:
+    from anaplot.session.modelstate import ModelState
 
 __all__ = [
     "PhotoAccident",

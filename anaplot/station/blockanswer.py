@@ -12,6 +12,7 @@ from anaplot.bundle.errors.suspects import ImageCoordinate, likeliest_suspects
 from anaplot.bundle.hypotheses.offsetadvice import offset_advice
 from anaplot.bundle.live import LiveAnswer
 from anaplot.bundle.solve.adjusted import AdjustedBlock
+from anaplot.photogrammetry.selection import measured_in_files
 from anaplot.planning.stabilizing import as_recorded, stabilizing_sets, weak_ones
 from anaplot.station.blockview import (
     BlockView,
@@ -20,7 +21,6 @@ from anaplot.station.blockview import (
     SuspectedPoint,
     SuspectedRay,
 )
-from anaplot.station.modeltables import measured_in_files
 
 __all__ = ["view_of"]
 

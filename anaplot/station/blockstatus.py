@@ -4,21 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Set
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
-from anaplot.orientation.results import ModelSolution
-from anaplot.orientation.strip import BridgedStrip, bridge_strip
 from anaplot.photogrammetry.block import Block, Strip
-from anaplot.photogrammetry.selection import rows_by_photo
-from anaplot.session.blockaccidents import NO_ACCIDENTS, BlockAccidents
-from anaplot.session.modelstate import ModelState
-from anaplot.session.recomputed import Recomputed, recomputed_models
-from anaplot.session.state import SessionState
-from anaplot.session.workflow import Outlook, outlook
+from anaplot.photogrammetry.selection import measured_in_files, rows_by_photo
+from anaplot.session.filedaccidents import NO_ACCIDENTS, BlockAccidents
 from anaplot.station.blockview import SURE, BlockView, FlaggedObservation, percent
-from anaplot.station.modeltables import measured_in_files
-from anaplot.station.returnadvice import surely_wrong
 from anaplot.station.waystoopen import ways_to_open
+
+if TYPE_CHECKING:
+    from anaplot.orientation.results import ModelSolution
+    from anaplot.orientation.strip import BridgedStrip
+    from anaplot.session.modelstate import ModelState
+    from anaplot.session.recomputed import Recomputed
+    from anaplot.session.state import SessionState
+    from anaplot.session.workflow import Outlook
 
 __all__ = [
     "BlockStatus",
@@ -292,16 +292,14 @@ def status_of(
     bridged
         Strips of the block as `bridge` has them; those that are missing are bridged here.
     """
-    known = {one.strip: one for one in bridged}
-    rows = rows_by_photo(block.image_points)
     suspected = suspected_models(view)
-    ahead = None if state is None or state.current is None else outlook(state)
+    ahead, recomputed = _of_session(state)
     there = measured_in_files(block)
-    recomputed = () if state is None else recomputed_models(state)
+    known = _bridged(block, there, bridged)
     anew = {one.name for one in recomputed}
     strips = tuple(
         _strip(
-            known.get(strip.id) or bridge_strip(block, strip, rows=rows),
+            known.get(strip.id),
             strip,
             state,
             ahead,
@@ -325,6 +323,34 @@ def status_of(
     return BlockStatus(
         strips, recomputed, view, coverage_of(block), step, accidents, ways_to_open(block)
     )
+
+
+def _of_session(state: SessionState | None) -> tuple[Outlook | None, tuple[Recomputed, ...]]:
+    """Return what follows from the model in work, and the models that are computed anew."""
+    if state is None:
+        return None, ()
+    from anaplot.session.recomputed import recomputed_models
+    from anaplot.session.workflow import outlook
+
+    return None if state.current is None else outlook(state), recomputed_models(state)
+
+
+def _bridged(
+    block: Block, there: Set[tuple[str, str]], bridged: Iterable[BridgedStrip]
+) -> dict[str, BridgedStrip]:
+    """Return the strips that have measured models, by name; those that are missing anew."""
+    known = {one.strip: one for one in bridged}
+    missing = [
+        strip
+        for strip in block.strips
+        if strip.id not in known and not there.isdisjoint(strip.models())
+    ]
+    if missing:
+        from anaplot.orientation.strip import bridge_strip
+
+        rows = rows_by_photo(block.image_points)
+        known |= {strip.id: bridge_strip(block, strip, rows=rows) for strip in missing}
+    return known
 
 
 def is_held(block: Block) -> bool:
@@ -375,7 +401,7 @@ def standing(
 
 
 def _strip(
-    bridged: BridgedStrip,
+    bridged: BridgedStrip | None,
     strip: Strip,
     state: SessionState | None,
     ahead: Outlook | None,
@@ -383,7 +409,7 @@ def _strip(
     suspected: frozenset[str],
     anew: Set[str],
 ) -> StripStatus:
-    solved = {(model.left, model.right): model for model in bridged.models}
+    solved = {(model.left, model.right): model for model in bridged.models} if bridged else {}
     models = []
     for left, right in strip.models():
         current = state.current if state is not None else None
@@ -399,7 +425,7 @@ def _strip(
         name = f"{left}/{right}"
         solution = solved.get((left, right))
         accepted = None if state is None else state.accepted(left, right)
-        why = (bridged.error or "") if solution is None else ""
+        why = (bridged.error or "") if bridged and solution is None else ""
         stands = standing(solution, suspected=name in suspected, recomputed=name in anew)
         models.append(with_table((left, right), stands, solution, accepted, why))
     return StripStatus(strip.id, tuple(models))
@@ -484,10 +510,13 @@ def following(
         if ahead.next_point is None and ahead.may_accept:
             return NextStep("accept", opening, model)
         return NextStep("measure", opening, model, point=ahead.next_point or "")
-    suspect = None if view is None else surely_wrong(view, () if state is None else state.models)
-    if suspect is not None and suspect.accused.model is not None:
-        accused = suspect.accused
-        return NextStep("return", opening, accused.model or "", accused.photo, suspect.point)
+    if view is not None:
+        from anaplot.station.returnadvice import surely_wrong
+
+        suspect = surely_wrong(view, () if state is None else state.models)
+        if suspect is not None and suspect.accused.model is not None:
+            accused = suspect.accused
+            return NextStep("return", opening, accused.model or "", accused.photo, suspect.point)
     if opened:
         return NextStep("measure", opening, opened)
     if measured:

@@ -1,8 +1,9 @@
 """The block adjusted in the background, while measuring goes on.
 
-One thread of its own owns the live block. Whoever tells it a new state does not wait: the newest
-state takes the place of those not yet begun, and an adjustment that newer measurements have
-overtaken is given up. The mathematics load in that thread, when there is something to adjust.
+One thread of its own owns the live block, or asks the process that does (`blockprocess`). Whoever
+tells it a new state does not wait: the newest state takes the place of those not yet begun, and an
+adjustment that newer measurements have overtaken is given up. The mathematics load there, when
+there is something to adjust.
 """
 
 from __future__ import annotations
@@ -12,27 +13,25 @@ import time
 from collections.abc import Callable, Collection, Set
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING
 
-from anaplot.errors import AnaplotError
 from anaplot.photogrammetry.block import Block
 from anaplot.session.state import ModelState, SessionState
 from anaplot.session.workflow import Outlook
 from anaplot.station.blockview import BlockView
+from anaplot.station.blockviews import (
+    ElsewhereError,
+    LiveViews,
+    OvertakenError,
+    Views,
+    fault,
+)
 from anaplot.station.imagepoints import Key, merged_rows
 from anaplot.station.modeltables import ModelTables, TableKeeper
-
-if TYPE_CHECKING:
-    from anaplot.bundle.live import LiveBlock
 
 __all__ = ["BlockWatch"]
 
 _MOST_WEAK = 3  # photos for which points are found that would help: the overview has few lines
 _FIRST_SCREEN = 1.0  # s after opening before anything is loaded: the first screen comes first
-
-
-class _OvertakenError(Exception):
-    """What is being adjusted is no longer the newest, or nobody wants it any more."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,6 +78,7 @@ class BlockWatch:
 
     def __init__(self, ready: Callable[[], None], *, rest: float = _FIRST_SCREEN) -> None:
         self._ready = ready
+        self._views: Views = LiveViews()
         self._begins = time.monotonic() + rest
         self._due = 0.0  # when the newest state may be computed
         self._changed = threading.Condition()
@@ -87,9 +87,15 @@ class BlockWatch:
         self._view: BlockView | None = None
         self._keeper = TableKeeper()
         self._tables: ModelTables = {}
-        self._since: dict[str, str] = {}
         self._closed = False
         self._thread: threading.Thread | None = None
+
+    def apart(self) -> None:
+        """Have the block adjusted by a process of its own from now on, where there is work."""
+        from anaplot.station.blockprocess import BlockProcess
+
+        with self._changed:
+            self._views = BlockProcess()
 
     @property
     def view(self) -> BlockView | None:
@@ -174,16 +180,20 @@ class BlockWatch:
         with self._changed:
             rest = self._begins - time.monotonic()
             self._changed.wait_for(lambda: self._closed, max(rest, 0.0))
-        live: LiveBlock | None = None
+        try:
+            self._keep_adjusted()
+        finally:
+            self._views.close()
+
+    def _keep_adjusted(self) -> None:
         while (work := self._next()) is not None:
             try:
                 self._tabled(work)
-                view, live = self._adjusted(work, live)
-            except _OvertakenError:
+                view = self._adjusted(work)
+            except OvertakenError:
                 continue
             except Exception as error:  # noqa: BLE001 - measuring goes on; the operator is told
-                # what the live block holds now is not to be built upon
-                view, live = self._given_up(work, error), None
+                view = _given_up(work, error)
             with self._changed:
                 self._view, self._done = view, work
                 if self._closed:
@@ -206,47 +216,29 @@ class BlockWatch:
                 self._tables = tables
             self._ready()
 
-    def _adjusted(
-        self, work: _Work, live: LiveBlock | None
-    ) -> tuple[BlockView | None, LiveBlock | None]:
-        from anaplot.bundle.live import LiveBlock
-        from anaplot.station.blockanswer import view_of
-
+    def _adjusted(self, work: _Work) -> BlockView | None:
         rows = merged_rows(work.block.image_points, work.models, work.of_session, once=work.once)
-        if not rows:
-            self._since = {}
-            return None, None
         block = replace(work.block, image_points=rows)
-        empty = _nothing_of(work)
-        known = live is not None and live.answer is not None
-        if live is None:
-            live = LiveBlock(block)
-        try:
-            answer = live.update(block, progress=lambda _what, _share: self._look_up(work))
-            # with a model in work the overview has given way to its table
-            most = 0 if work.provisional else _MOST_WEAK
-            view = view_of(answer, empty, self._since if known else None, most_weak=most)
-        except AnaplotError as error:
-            return replace(empty, remark=str(error)), live
-        self._since = {point.point: point.since for point in view.suspects}
-        return view, live
-
-    def _given_up(self, work: _Work, error: Exception) -> BlockView:
-        """Return what is shown when the program itself fails."""
-        self._since = {}
-        reason = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
-        return replace(_nothing_of(work), remark=f"the block could not be adjusted: {reason}")
+        # with a model in work the overview has given way to its table
+        most = 0 if work.provisional else _MOST_WEAK
+        return self._views.view(block, _nothing_of(work), most, partial(self._look_up, work))
 
     def _look_up(self, work: _Work) -> None:
         """Give up when overtaken; called many times on the way."""
         with self._changed:
             if self._closed or self._told is not work:
-                raise _OvertakenError
+                raise OvertakenError
 
 
 def _nothing_of(work: _Work) -> BlockView:
     """Return the view of a block of which nothing is known."""
     return BlockView(work.after, len(work.models), work.provisional)
+
+
+def _given_up(work: _Work, error: Exception) -> BlockView:
+    """Return what is shown when the program itself fails."""
+    reason = str(error) if isinstance(error, ElsewhereError) else fault(error)
+    return replace(_nothing_of(work), remark=f"the block could not be adjusted: {reason}")
 
 
 def _complete(state: SessionState, outlook: Outlook) -> ModelState | None:

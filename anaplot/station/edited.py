@@ -2,116 +2,38 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Collection, Iterable, Iterator, Set
 from pathlib import Path
-from typing import NamedTuple
 
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import IMAGE_POINTS_CSV
-from anaplot.exchange.journal import read_journal
 from anaplot.photogrammetry.block import Block, ImagePoint
 from anaplot.photogrammetry.measuredimage import computed_place
-from anaplot.session.events import EVENT_KINDS, DecisionsTakenOver
+from anaplot.session.events import DecisionsTakenOver
 from anaplot.session.modelstate import ModelState
 from anaplot.session.state import SessionState, apply, start
+from anaplot.station.editedrows import EditedRow, told
 from anaplot.station.imagepoints import (
     Key,
-    accepted_ever,
     measured_here,
     rows_of,
 )
-from anaplot.station.rejectedelsewhere import agreeing, elsewhere
-from anaplot.station.restored import restored
-from anaplot.textfiles.wording import place, quoted
+from anaplot.station.rejectedelsewhere import agreeing
 
 __all__ = [
-    "EditedRow",
-    "Journaled",
     "check_unedited",
+    "decided_rows",
     "edited_rows",
-    "journaled",
-    "told",
     "written_once",
 ]
 
 Name = tuple[str, str, str | None]
-_BACK = "adjust --apply-undo takes back what --apply switched off"
 
 
-class EditedRow(NamedTuple):
-    """A row of the session's that somebody else changed.
-
-    Attributes
-    ----------
-    here
-        As the file has it.
-    journal
-        As the journal has it; None where the journal has no such row.
-    taken_over
-        Whether the session takes that over when it is opened.
-    """
-
-    here: ImagePoint
-    journal: ImagePoint | None
-    taken_over: bool = False
-
-
-class Journaled(NamedTuple):
-    """What a block's journal says of it, read without a lock beside the files.
-
-    Attributes
-    ----------
-    state
-        To which it led; None where there is none, or it was not read.
-    edited
-        Rows of which the file says something else.
-    unread
-        Why it was not read, or "".
-    """
-
-    state: SessionState | None = None
-    edited: tuple[EditedRow, ...] = ()
-    unread: str = ""
-
-    def remark(self, folder: Path) -> str:
-        """Return in a line that the journal was not read or that the file differs, or ""."""
-        if self.unread or not self.edited:
-            return self.unread
-        more = len(self.edited) - 1
-        others = "" if not more else f" (and {more} more row{'s' if more > 1 else ''})"
-        return told(folder, self.edited[0]) + others
-
-
-def journaled(folder: Path, block: Block) -> Journaled:
-    """Return what the journal in a block folder says; nothing is locked, and nothing changed.
-
-    A console may be writing it: what of it is on disk counts.
-
-    Parameters
-    ----------
-    folder
-        The block folder.
-    block
-        As read from it, before: whatever of the session's stands in it is in the journal by now.
-    """
-    sessions = folder / "sessions"
-    if not os.path.lexists(sessions) or (sessions.is_dir() and not any(sessions.glob("*.jsonl"))):
-        return Journaled()
-    try:
-        records = read_journal(folder, keep=lambda kind: kind in EVENT_KINDS).records
-        events, state = restored(block, (one for one in records if one.kind in EVENT_KINDS))
-        new, said = elsewhere(folder, block, state, events)
-        edited = edited_rows(folder, block, said, accepted_ever(events))
-        return Journaled(state, (*_decided_rows(block, state, new), *edited))
-    except InputError as error:
-        return Journaled(unread=f"the journal was not read: {error}")
-
-
-def _decided_rows(
+def decided_rows(
     block: Block, state: SessionState, taken: Iterable[DecisionsTakenOver]
 ) -> Iterator[EditedRow]:
-    """Yield the rows in which what a strategy switched differs from the journal."""
+    """Yield the rows in which what a strategy has switched differs from the journal."""
     rows = {(row.left, row.right, row.point) for event in taken for row in event.rows}
     models = {f"{left}/{right}" for left, right, _ in rows}
     points = {
@@ -263,39 +185,3 @@ def _written(folder: Path, block: Block, photos: Set[str]) -> tuple[set[object],
             written.update((*_name(r), r.x, r.y, r.use) for r in rows)
             ever.update(measured_here(models))
     return written, ever
-
-
-def told(folder: Path, edited: EditedRow) -> str:
-    """Return in words what was changed in a folder's file, and what to do."""
-    words = _told_taken(*edited[:2]) if edited.taken_over else _told(*edited[:2])
-    return f"{place(folder / IMAGE_POINTS_CSV)}: {words}"
-
-
-def _where(row: ImagePoint) -> str:
-    where = f"photo {quoted(row.photo)}, point {quoted(row.point)}"
-    return where if row.model is None else f"{where} of model {quoted(row.model)}"
-
-
-def _told_taken(row: ImagePoint, mine: ImagePoint | None) -> str:
-    before = "" if mine is None else f" and {mine.use} in the journal"
-    return (
-        f"{_where(row)} was switched by adjust: use is {row.use} there{before}: the console takes "
-        f"that over when it opens the block"
-    )
-
-
-def _told(row: ImagePoint, mine: ImagePoint | None) -> str:
-    where = _where(row)
-    if mine is None:
-        return (
-            f"{where} is not in the session's journal: take the row out, or leave its model blank"
-        )
-    if (mine.x, mine.y) != computed_place(row):
-        return (
-            f"{where} was changed outside the session: x, y are {row.x}, {row.y} there and "
-            f"{mine.x}, {mine.y} in the journal: put them back, then measure again in the console"
-        )
-    return (
-        f"{where} was changed outside the session: use is {row.use} there and {mine.use} in the "
-        f"journal: put it back ({_BACK}), then switch the row in the console"
-    )

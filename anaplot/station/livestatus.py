@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from anaplot.orientation.results import ModelSolution
 from anaplot.photogrammetry.block import Block, Strip
+from anaplot.photogrammetry.selection import measured_in_files
 from anaplot.session.desk import Desk
 from anaplot.session.modelstate import ModelState
 from anaplot.session.recomputed import Recomputed
@@ -23,7 +24,7 @@ from anaplot.station.blockstatus import (
     with_table,
 )
 from anaplot.station.blockview import BlockView
-from anaplot.station.modeltables import ModelTables, measured_in_files
+from anaplot.station.modeltables import ModelTables
 
 __all__ = ["LiveStatus"]
 

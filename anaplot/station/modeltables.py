@@ -10,12 +10,12 @@ from anaplot.errors import NotComputableError
 from anaplot.orientation.results import ModelSolution
 from anaplot.orientation.strip import bridge_strip
 from anaplot.photogrammetry.block import Block, ImagePoint, Strip
-from anaplot.photogrammetry.selection import points_of, rows_by_photo
+from anaplot.photogrammetry.selection import measured_in_files, rows_by_photo
 from anaplot.session.models import solve_after
 from anaplot.session.modelstate import ModelState
 from anaplot.session.state import SessionState
 
-__all__ = ["ModelTable", "ModelTables", "TableKeeper", "measured_in_files"]
+__all__ = ["ModelTable", "ModelTables", "TableKeeper"]
 
 Photos = tuple[str, str]
 
@@ -42,19 +42,6 @@ class ModelTable(NamedTuple):
 
 
 ModelTables = Mapping[Photos, ModelTable]
-
-
-def measured_in_files(block: Block) -> frozenset[Photos]:
-    """Return (left, right) of the models that have points common to both photos in the files."""
-    rows = rows_by_photo(block.image_points)
-    found = set()
-    for strip in block.strips:
-        for left, right in strip.models():
-            name = f"{left}/{right}"
-            in_left, in_right = (points_of(rows.get(p, ()), p, name) for p in (left, right))
-            if not in_left.keys().isdisjoint(in_right):
-                found.add((left, right))
-    return frozenset(found)
 
 
 class TableKeeper:

@@ -131,15 +131,15 @@ class Station(Commanded):
         self._turn = threading.Lock()
         self._driven = 0  # the errand of the last drive that was begun
         self._inbox = Inbox()
-        self._closed = False
+        self._closed = self._failed = False
         self._link = LinkView("none")
         self._read_since = (0, 0)
         self._ends: list[Callable[[], None]] = []
-        self._failed = False
         self._serial = 0
         self._news = News()
         self._after: list[Callable[[], None]] = []
         self._watch = BlockWatch(self._block_seen)
+        self.adjust_apart = self._watch.apart
         self._instrument: Instrument | None = None
         with contextlib.ExitStack() as undo:
             if plotter is not None:

@@ -6,7 +6,6 @@ import contextlib
 import errno
 import os
 import re
-import secrets
 import stat
 import sys
 from collections.abc import Iterable, Iterator
@@ -211,7 +210,7 @@ def sync_folder(folder: Path) -> None:
 
 
 def _write_aside(path: Path, data: bytes | Iterable[bytes], *, may_replace: bool) -> None:
-    aside = path.with_name(f".{path.name}.{secrets.token_hex(_RANDOM_BYTES)}.tmp")
+    aside = path.with_name(f".{path.name}.{os.urandom(_RANDOM_BYTES).hex()}.tmp")
     own = None
     try:
         try:

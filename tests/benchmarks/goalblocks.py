@@ -98,6 +98,7 @@ def _block(make: Callable[[], Block]) -> Callable[[Path], None]:
 
 
 MAKERS: dict[str, Callable[[Path], None]] = {
+    "planned": _block(lambda: replace(flown(10), image_points=(), control=())),
     "100": _block(lambda: flown(10)),
     "400": _block(lambda: mismatched(flown(20), 20)),
     "2500": _block(lambda: flown(50)),

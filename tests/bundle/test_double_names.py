@@ -9,6 +9,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 from test_misnamed import measured
 
 from anaplot.bundle.adjust import adjust_block
@@ -44,6 +45,25 @@ def other_place(block: Block, point: str, by: float) -> Block:
             for r in block.image_points
         ),
     )
+
+
+@pytest.mark.parametrize("far", [0.0, 1e7])
+def test_no_two_names_are_passed_over_unseen(far: float) -> None:
+    rng, met = np.random.default_rng(4), 0
+    for _ in range(400):
+        at = far + rng.normal(size=(int(rng.integers(2, 60)), 3)) * rng.choice([1.0, 1e3], size=3)
+        if rng.random() < 0.5:
+            at[-1] = at[0] + rng.normal(size=3) * 10.0 ** rng.uniform(-6.0, 0.0)
+        reach = 10.0 ** rng.uniform(-5.0, 1.0, size=len(at))
+        certain = reach < 0.25 * np.median(cKDTree(at).query(at, k=2)[0][:, 1])
+        if certain.sum() < 2:
+            continue
+        near = cKDTree(at[certain]).query_pairs(2.0**0.5 * reach[certain].max())
+        assert doublenames._may_meet(at, reach) or not near
+        met += bool(near)
+    assert met > 50
+    apart = far + np.stack(np.meshgrid(*[np.arange(5.0)] * 3), axis=-1).reshape(-1, 3)
+    assert not doublenames._may_meet(apart, np.full(len(apart), 0.1))
 
 
 def test_a_block_without_such_accidents_has_none() -> None:

@@ -219,3 +219,12 @@ def test_a_handful_of_points_is_enough_for_the_right_one_of_several_solutions(pa
             preceding = models[-1] if models else None
             models.append(orient(pair_of(flight, k, preceding, points=points), PAPER, TAU))
         assert misses(flight, models) < 1e-6
+
+
+def test_with_one_redundancy_it_is_not_rounding_that_says_which_start_wins():
+    for seed in range(12):
+        flight = fly(seed, 2, tilt=3.0, kappa=15.0, noise=0.005)
+        points = ["0a", "0c", "0d", "1a", "1c", "1d"]
+        found = [orient(pair_of(flight, 0, points=p), PAPER, TAU) for p in (points, points[::-1])]
+        assert [model.redundancy for model in found] == [1, 1]
+        assert found[0].iterations == found[1].iterations

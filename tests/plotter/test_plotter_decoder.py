@@ -97,6 +97,31 @@ def test_numbered_records_come_once_and_gaps_are_told():
     assert fault == Fault("missing", "records 10 to 13 did not arrive")
 
 
+def test_a_record_is_confirmed_by_an_answer_that_is_asked_for_at_once():
+    record = lines(b"R 1 1 " + HERE)
+
+    def wait(*parts: bytes) -> float:
+        """Return how long is waited for the line once these have come, 2 ms apart."""
+        decoder = Decoder(CONFIRMED)
+        poller = decoder.poller
+        assert poller is not None
+        poller.begin(0.0)
+        decoder.sent(b"?\n", now=0.0)
+        for k, part in enumerate((lines(b"P " + HERE), *parts), 1):
+            decoder.feed(part, 0.002 * k)
+        poller.urge()
+        return poller.wait(0.002 * (1 + len(parts)))
+
+    assert wait() == pytest.approx(0.02)
+    assert wait(record) == 0.0
+    assert wait(record[:20], record[20:]) == 0.0
+    # the rest of it is not known yet, or it may be an answer
+    assert wait(record[:20]) == pytest.approx(0.02)
+    assert wait(record + b"P ") == pytest.approx(0.02)
+    assert wait(lines(b"P " + HERE, record[:-1])) == pytest.approx(0.02)
+    assert wait(lines(b"P " + HERE), record[:-2] + b"x\n") == pytest.approx(0.02)
+
+
 def test_a_number_counts_even_when_its_record_is_refused():
     decoder = Decoder(ASCII)
     decoder.feed(lines(b"R 1 1 " + HERE), 0.0)

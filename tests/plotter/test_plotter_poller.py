@@ -48,6 +48,35 @@ def test_a_device_that_answers_is_asked_at_its_period_or_at_once():
     assert poller.wait(0.04) == 0.0
 
 
+def test_behind_a_record_that_nobody_asked_for_the_line_need_not_be_quiet():
+    poller = Poller(ONE)
+    ask(poller, ONE, 0.0)
+    poller.bytes_came(0.01)
+    poller.answered("main", 0.01)
+    poller.records_came(unasked=False)
+    poller.urge()
+    assert poller.wait(0.012) == pytest.approx(0.018)
+    # begun, and not known what it is
+    poller.bytes_came(0.013)
+    assert poller.wait(0.013) == pytest.approx(0.02)
+    poller.bytes_came(0.014)
+    poller.records_came(unasked=True)
+    assert poller.wait(0.014) == 0.0
+
+
+def test_of_several_lines_another_one_may_still_repeat_an_answer():
+    poller = Poller(TWO)
+    ask(poller, TWO, 0.0)
+    for link in TWO.links:
+        poller.bytes_came(0.1)
+        poller.answered(link, 0.1)
+        poller.records_came(unasked=False)
+    poller.bytes_came(0.115)
+    poller.records_came(unasked=True)
+    poller.urge()
+    assert poller.wait(0.115) == pytest.approx(0.005)
+
+
 def test_late_answers_are_waited_for_before_more_is_asked():
     poller = Poller(ONE)
     now = 0.0

@@ -17,8 +17,9 @@ from anaplot.cli import main
 from anaplot.exchange.blockfolder import write_control, write_image_points, write_new_block
 from anaplot.photogrammetry.block import Block, ImagePoint
 from anaplot.session import blockaccidents
-from anaplot.session.blockaccidents import BlockAccidents, block_accidents
+from anaplot.session.blockaccidents import block_accidents
 from anaplot.session.commands import NextModel
+from anaplot.session.filedaccidents import BlockAccidents
 from anaplot.session.filedmodels import filed_models
 from anaplot.session.tiecheck import GROUND, Known
 from anaplot.session.transfer import transfer_of_strip

@@ -16,13 +16,15 @@ from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import read_block, write_image_points, write_new_block
 from anaplot.exchange.journal import Journal
 from anaplot.photogrammetry.block import ImagePoint
-from anaplot.report.adjustcommand import adjust, find_gross_errors
+from anaplot.report.adjustcommand import adjust
 from anaplot.report.comparecommand import compare
+from anaplot.report.findcommand import find_gross_errors
 from anaplot.report.journalnote import session_note
 from anaplot.session.events import Event, ModelAccepted, RowSwitched, Undone
 from anaplot.session.state import SessionState, apply
-from anaplot.station.edited import check_unedited, journaled
+from anaplot.station.edited import check_unedited
 from anaplot.station.imagepoints import rows_of
+from anaplot.station.journaled import journaled
 from anaplot.station.sessionlog import read_history
 from anaplot.station.station import Station
 from anaplot.textfiles.wording import quoted

@@ -37,8 +37,9 @@ from anaplot.session.models import solve
 from anaplot.session.state import EventRefusedError, SessionState, apply, fold
 from anaplot.session.undone import undone
 from anaplot.station import pointsfile
-from anaplot.station.edited import check_unedited, journaled
+from anaplot.station.edited import check_unedited
 from anaplot.station.imagepoints import merged_rows, rows_of
+from anaplot.station.journaled import journaled
 from anaplot.station.pointsfile import BlockRead
 from anaplot.station.rejectedelsewhere import agreeing, decisions, told_decisions
 from anaplot.station.replay import replay_session

@@ -18,7 +18,7 @@ from anaplot.session.plates import PlateSystem
 from anaplot.simulation.automatic import AutomaticOperator, ModelRecord
 from anaplot.simulation.demo import Demo
 from anaplot.simulation.laidplates import laid_photographs, random_placements
-from anaplot.station.edited import journaled
+from anaplot.station.journaled import journaled
 from anaplot.station.station import Station
 
 LENS = BrownLens(k1=-0.02, k2=0.004, p1=1e-4)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import combinations, islice
+from itertools import combinations, islice, product
 from typing import NamedTuple
 
 import numpy as np
@@ -32,6 +32,8 @@ _SPARSE = 0.25  # of the usual distance of neighbours: points less certain say n
 _MOST = 4  # of either kind that are tried
 _MOST_DOUBTED = 30  # points whose rays are parted, the largest residuals first
 _MOST_RAYS = 16  # of a point whose rays are parted
+_MOST_CUBES = 1e12  # from the middle: rounding is no part of one
+_CUBE_NUMBER = np.array([1, 2_654_435_761, 805_459_861_000_003])
 _ROUNDING = 3.0 * float(np.finfo(float).eps)  # of rays that all but coincide
 _ALIKE = 1e-9
 _ALONE = 9.0  # times the misfit of two points: what one ray left out explains is one gross error
@@ -114,17 +116,19 @@ def double_names(block: AdjustedBlock, watch: Watch | None = None) -> tuple[Doub
 
 def _near(block: AdjustedBlock, critical: float) -> Iterator[tuple[str, str]]:
     """Yield the names of what lies at one place and is never seen apart, the nearest first."""
-    from scipy.spatial import cKDTree
-
     problem = block.problem
     at, q = block.state.points, block.cofactors.points
     sound = np.flatnonzero(np.isfinite(at).all(axis=1) & np.isfinite(q).all(axis=(1, 2)))
     if len(sound) < 2:
         return
     q = q * max(block.sigma0 or 1.0, 1.0) ** 2
+    reach = np.sqrt(critical * np.linalg.eigvalsh(q[sound])[:, -1])
+    if not _may_meet(at[sound], reach):
+        return
+    from scipy.spatial import cKDTree  # half as long to load as NumPy, and seldom needed
+
     tree = cKDTree(at[sound])
     apart = float(np.median(np.asarray(tree.query(at[sound], k=2)[0])[:, 1]))
-    reach = np.sqrt(critical * np.linalg.eigvalsh(q[sound])[:, -1])
     certain = reach < _SPARSE * apart
     sound, reach = sound[certain], reach[certain]
     if len(sound) < 2:
@@ -139,6 +143,31 @@ def _near(block: AdjustedBlock, critical: float) -> Iterator[tuple[str, str]]:
             gaps.append((square, problem.points[i], problem.points[j]))
     for _, first, second in sorted(gaps):
         yield first, second
+
+
+def _may_meet(at: Array, reach: Array) -> bool:
+    """Whether any two of (n, 3) points that are certain enough may lie within their (n,) reach.
+
+    Two points no farther apart than an edge lie in one cube of twice that edge, in one of eight
+    grids that are half a cube off each other. Which points are certain hangs on the distance of
+    neighbours; that of neighbours along an axis is no less.
+    """
+    order = np.argsort(at[:, 0], kind="stable")
+    steps = np.linalg.norm(np.diff(at[order], axis=0), axis=1)
+    nearest = np.minimum(np.append(steps, np.inf), np.append(np.inf, steps))
+    certain = reach < _SPARSE * (1.0 + _ALIKE) * float(np.median(nearest))
+    places = at[certain] - at.mean(axis=0)
+    if len(places) < 2:
+        return False
+    edge = 1.01 * 2.0**0.5 * float(reach[certain].max())  # and what rounding takes
+    if not edge * _MOST_CUBES > float(np.abs(places).max()):
+        return True
+    for shift in product((0.0, edge), repeat=3):
+        cubes = np.floor((places + shift) / (2.0 * edge)).astype(np.int64)
+        # the same cube has the same number; that another one has it, too, does no harm
+        if len(np.unique(cubes @ _CUBE_NUMBER)) < len(places):
+            return True
+    return False
 
 
 def _rays_of(block: AdjustedBlock, point: int) -> list[int]:

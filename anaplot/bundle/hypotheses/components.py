@@ -12,15 +12,13 @@ from anaplot.adjustment.variancecomponents import (
     VarianceComponents,
     estimate_components,
 )
-from anaplot.aliases import Progress
+from anaplot.aliases import Grouping, Progress
 from anaplot.bundle.hypotheses.observationgroups import GroupedBlock, ObservationGroups
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.problem import Problem
 from anaplot.errors import InputError
 
-__all__ = ["GROUPINGS", "BlockComponents", "ComponentSigma", "Grouping", "block_components"]
-
-Grouping = Literal["kinds", "axes", "strips", "operators"]
+__all__ = ["GROUPINGS", "BlockComponents", "ComponentSigma", "block_components"]
 
 GROUPINGS: tuple[Grouping, ...] = ("kinds", "axes", "strips", "operators")
 """How image coordinates are grouped: all in one, x and y, by strip, by operator."""

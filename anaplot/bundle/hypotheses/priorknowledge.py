@@ -19,20 +19,18 @@ approximations of them.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from anaplot.adjustment.variancecomponents import VarianceComponents, estimate_components
-from anaplot.aliases import Progress, TestKind
+from anaplot.aliases import PriorEstimator, Progress, TestKind
 from anaplot.bundle.hypotheses.observationgroups import GroupedBlock, ObservationGroups
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.problem import Problem
 from anaplot.errors import InputError, NotComputableError
 
-__all__ = ["BlockPrior", "PriorEstimator", "PriorGroup", "prior_estimate"]
-
-PriorEstimator = Literal["known", "common", "separate"]
+__all__ = ["BlockPrior", "PriorGroup", "prior_estimate"]
 
 _TOLERANCE = 1e-6  # relative change of a variance factor that ends the iteration
 

@@ -21,6 +21,7 @@ from anaplot.drawing.plot import Head, Plot
 from anaplot.drawing.textwidth import SMALL, TINY, text_width
 from anaplot.drawing.thinning import thinned
 from anaplot.orientation.results import ModelSolution, Row
+from anaplot.orientation.suitability import worst_transfer
 from anaplot.report.columns import counted
 from anaplot.report.figures.groundview import near_ones
 from anaplot.textfiles.wording import plain
@@ -150,8 +151,8 @@ def model_figure(
     if flagged:
         names = ", ".join(point.name for point in flagged[:10])
         said += f" Flagged: {names}{' and more' if len(flagged) > 10 else ''}."
-    if critical:
-        worst = max((one for one in every if one.critical), key=lambda one: one.share)
+    worst = worst_transfer(every)
+    if worst is not None:
         said += (
             f" An error in {_row(worst.source)} shows {worst.share:.2f} times as large in "
             f"{_row(worst.target)} as in itself."

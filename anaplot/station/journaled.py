@@ -1,0 +1,76 @@
+"""What a block's journal says of it beside its files, where it has one."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from anaplot.errors import InputError
+from anaplot.photogrammetry.block import Block
+
+if TYPE_CHECKING:
+    from anaplot.session.state import SessionState
+    from anaplot.station.editedrows import EditedRow
+
+__all__ = ["Journaled", "journaled"]
+
+
+class Journaled(NamedTuple):
+    """What a block's journal says of it, read without a lock beside the files.
+
+    Attributes
+    ----------
+    state
+        To which it led; None where there is none, or it was not read.
+    edited
+        Rows of which the file says something else.
+    unread
+        Why it was not read, or "".
+    """
+
+    state: SessionState | None = None
+    edited: tuple[EditedRow, ...] = ()
+    unread: str = ""
+
+    def remark(self, folder: Path) -> str:
+        """Return in a line that the journal was not read or that the file differs, or ""."""
+        if self.unread or not self.edited:
+            return self.unread
+        more = len(self.edited) - 1
+        others = "" if not more else f" (and {more} more row{'s' if more > 1 else ''})"
+        from anaplot.station.editedrows import told
+
+        return told(folder, self.edited[0]) + others
+
+
+def journaled(folder: Path, block: Block) -> Journaled:
+    """Return what the journal in a block folder says; nothing is locked, and nothing changed.
+
+    A console may be writing it: what of it is on disk counts.
+
+    Parameters
+    ----------
+    folder
+        The block folder.
+    block
+        As read from it, before: whatever of the session's stands in it is in the journal by now.
+    """
+    sessions = folder / "sessions"
+    if not os.path.lexists(sessions) or (sessions.is_dir() and not any(sessions.glob("*.jsonl"))):
+        return Journaled()
+    from anaplot.exchange.journal import read_journal
+    from anaplot.session.events import EVENT_KINDS
+    from anaplot.station.edited import decided_rows, edited_rows
+    from anaplot.station.imagepoints import accepted_ever
+    from anaplot.station.rejectedelsewhere import elsewhere
+    from anaplot.station.restored import restored
+
+    try:
+        records = read_journal(folder, keep=lambda kind: kind in EVENT_KINDS).records
+        events, state = restored(block, (one for one in records if one.kind in EVENT_KINDS))
+        new, said = elsewhere(folder, block, state, events)
+        edited = edited_rows(folder, block, said, accepted_ever(events))
+        return Journaled(state, (*decided_rows(block, state, new), *edited))
+    except InputError as error:
+        return Journaled(unread=f"the journal was not read: {error}")
