@@ -122,6 +122,8 @@ def after_change(
     `before`, `after`: the model in the instrument.
     """
     if changed.what in ("renamed", "undone") and before is not None and after is not None:
+        if all(r.model != changed.model for r in reasons):
+            return reasons  # mostly: names are compared only where something goes with them
         names = names_after(before, after)
         # both ways, so that an undo brings all of them back
         names |= {name: point for point, name in names.items() if name not in names}
