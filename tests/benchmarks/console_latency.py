@@ -41,7 +41,7 @@ from anaplot.plotter.profile import load_profile
 from anaplot.simulation.demo import Demo
 
 ROUNDS = 300
-PHOTOS = 100  # of the block that is adjusted meanwhile
+PHOTOS = 300  # of the block that is adjusted meanwhile, all the while
 _PROCESS = 2  # the kind of a clock that runs while a process works (CPUCLOCK_SCHED)
 _END_OF_FRAME = b"\x1b[?2026l"  # from a console whose terminal has said that it knows frames
 _PLACE = re.compile(rb"\x1b\[(\d+);(\d+)H")
