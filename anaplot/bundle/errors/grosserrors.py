@@ -40,6 +40,7 @@ from anaplot.bundle.errors.misfits import (
     points_gone,
 )
 from anaplot.bundle.errors.misnamed import MisnamedRay, misnamed_rays
+from anaplot.bundle.errors.photosofrejected import PhotoLoss, losses_of_photos
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.gaussnewton import Minimum
 from anaplot.bundle.solve.imaging import BlockState
@@ -66,6 +67,7 @@ MOST_ROWS_OF_COLUMNS = 100_000
 """Observations of a block up to which sets of errors are weighed: every set looks at all of them
 against each row that it holds."""
 
+_MOST_PHOTOS = 5  # that remarks name
 _TORN = 4.0  # sigma0 from which a robust state is a second place to linearise at
 
 
@@ -146,6 +148,19 @@ class BlockFindings(Cleaned[BlockPlace, ObservationName, BlockResiduals]):
         if conditions is None:
             return frozenset()
         return frozenset((count - len(conditions.firm) + np.flatnonzero(conditions.firm)).tolist())
+
+    @property
+    def photo_losses(self) -> list[PhotoLoss]:
+        """Photos that lose more of their rays than chance explains, the worst first."""
+        return losses_of_photos(self.block.problem, self.out)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Sentences: what limited the search, and photos that something is wrong with."""
+        losses = self.photo_losses
+        more = [f"{len(losses) - _MOST_PHOTOS} more photos lose as many"]
+        said = [one.sentence for one in losses[:_MOST_PHOTOS]]
+        return (*super().remarks, *said, *more[: len(losses) > _MOST_PHOTOS])
 
     @property
     def came_back(self) -> tuple[ObservationName, ...]:

@@ -1,0 +1,105 @@
+"""Photos that lose more of their rays than the rest of a block: something is wrong with the photo.
+
+Errors that hit rays by chance spread over the photos. If rays are rejected with the rate p of all
+other photos, one of n rays loses k or more with the probability of the binomial distribution; where
+that is less than the significance shared by all photos (Bonferroni), chance does not explain it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import bdtrc
+
+from anaplot.aliases import Index
+from anaplot.bundle.solve.observations import ObservationName
+from anaplot.bundle.solve.problem import Problem
+
+__all__ = ["PhotoLoss", "beyond_chance", "losses_of_photos"]
+
+_FEWEST = 3  # rays: two are what one interchange of names costs
+_SIGNIFICANCE = 0.001  # that any photo of a block is named where all is chance
+
+
+class PhotoLoss(NamedTuple):
+    """A photo that loses more rays than chance explains.
+
+    Attributes
+    ----------
+    photo
+        Its name.
+    lost, rays
+        Rays of which x or y is rejected, of how many.
+    others_lost, others
+        The same of all other photos.
+    """
+
+    photo: str
+    lost: int
+    rays: int
+    others_lost: int
+    others: int
+
+    @property
+    def sentence(self) -> str:
+        """What is said of it."""
+        return (
+            f"photo {self.photo} loses {self.lost} of its {self.rays} rays, all others "
+            f"{self.others_lost} of {self.others}: more than chance; measure it anew, or look what "
+            "sets it apart"
+        )
+
+
+def losses_of_photos(problem: Problem, rejected: Iterable[ObservationName]) -> list[PhotoLoss]:
+    """Return the photos of a bundle that lose more rays than chance explains, the worst first.
+
+    Parameters
+    ----------
+    problem
+        The bundle.
+    rejected
+        What is rejected of it; other things than image coordinates do not count.
+    """
+    rays = np.bincount(problem.photo, minlength=len(problem.photos))
+    number = {name: k for k, name in enumerate(problem.photos)}
+    gone = {name[1:4] for name in rejected if name[0] == "image"}
+    lost = np.zeros(len(rays), dtype=np.intp)
+    for photo, *_ in gone:
+        if photo in number:
+            lost[number[photo]] += 1
+    lost = np.minimum(lost, rays)
+    return [
+        PhotoLoss(
+            problem.photos[k],
+            int(lost[k]),
+            int(rays[k]),
+            int(lost.sum() - lost[k]),
+            int(rays.sum() - rays[k]),
+        )
+        for k in beyond_chance(lost, rays).tolist()
+    ]
+
+
+def beyond_chance(lost: Index, rays: Index) -> Index:
+    """Return which photos lose more of their rays than the rate of the others explains.
+
+    Parameters
+    ----------
+    lost, rays
+        (n,) rays lost, of how many.
+
+    Returns
+    -------
+    (k,) integers
+        The one that loses the largest share first.
+    """
+    others = rays.sum() - rays
+    # one more than counted: no rate is known to be nothing
+    rate = np.minimum((lost.sum() - lost + 1.0) / np.maximum(others, 1), 1.0)
+    chance = bdtrc(np.maximum(lost - 1, 0), rays, rate)
+    named = (lost >= _FEWEST) & (chance < _SIGNIFICANCE / max(len(rays), 1))
+    found = np.flatnonzero(named)
+    order: Index = found[np.argsort(-(lost[found] / rays[found]), kind="stable")]
+    return order
