@@ -376,11 +376,8 @@ class Tested(Generic[K]):
     def partners(self) -> tuple[Partner[K], ...]:
         """Return the pairs of rows that are hard to tell apart."""
         rho, keys = self.correlations(), self.keys
-        first, second = np.nonzero(np.triu(np.abs(rho) >= HARD_TO_TELL, 1))
-        return tuple(
-            Partner(keys[i], keys[j], float(rho[i, j]))
-            for i, j in zip(first.tolist(), second.tolist(), strict=True)
-        )
+        pairs = np.argwhere(np.abs(rho) >= HARD_TO_TELL).tolist()
+        return tuple(Partner(keys[i], keys[j], float(rho[i, j])) for i, j in pairs if i < j)
 
     def transfers(self) -> tuple[Transfer[K], ...]:
         """Return the critical and the serious transfers (Kratky and El-Hakim 1983, Figure 2)."""

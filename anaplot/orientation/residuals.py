@@ -11,11 +11,15 @@ from anaplot.aliases import Array, RowKey
 from anaplot.orientation.conditionequations import ConditionEquations, ModelUnknowns
 from anaplot.orientation.pair import Stereopair
 from anaplot.orientation.results import ModelSolution
-from anaplot.orientation.tieerrors import misclosure_covariance, residual_weight
+from anaplot.orientation.tieerrors import (
+    correlated_units,
+    misclosure_covariance,
+    residual_weight,
+)
 from anaplot.photogrammetry.block import Precision
 from anaplot.photogrammetry.rotation import rotation_matrix
 
-__all__ = ["ModelResiduals", "correlated_units", "residual_system", "residuals_at"]
+__all__ = ["ModelResiduals", "residual_system", "residuals_at"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -119,15 +123,6 @@ def residuals_at(pair: Stereopair, precision: Precision, solution: ModelSolution
         matrix,
         sigma=precision.image_um * root,
     )
-
-
-def correlated_units(sigma: Array) -> Array:
-    """Return (n,) standard deviations of correlated rows, each given all others.
-
-    In these units redundancy numbers of correlated rows lie between 0 and 1, and a misclosure
-    left is the deviation from what the other rows let one expect.
-    """
-    return np.asarray(1.0 / np.sqrt(np.diag(np.linalg.inv(sigma))))
 
 
 def _correlated(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import isfinite
 from typing import Protocol
 
 import numpy as np
@@ -116,7 +117,7 @@ def stereopair(
     if preceding is not None:
         centre = np.array(_centre_of(preceding))
         fixed = LeftPhoto(centre, rotation_matrix(*preceding.rotation))
-        ties = {p.point: (p.X, p.Y, p.Z) for p in preceding.points if np.isfinite(p.Z)}
+        ties = {p.point: (p.X, p.Y, p.Z) for p in preceding.points if isfinite(p.Z)}
         preceding_bx = preceding.base[0]
         tie_errors = None if preceding.exact is None else preceding.exact.ties
 

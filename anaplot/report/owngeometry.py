@@ -21,7 +21,8 @@ from anaplot.exchange.networkfile import read_network
 from anaplot.exchange.patternfile import is_pattern_file, read_pattern
 from anaplot.orientation.modelvalues import ideal_roots
 from anaplot.orientation.patterns import USUAL_BASE, USUAL_C, USUAL_D, pattern
-from anaplot.orientation.residuals import correlated_units, residual_system
+from anaplot.orientation.residuals import residual_system
+from anaplot.orientation.tieerrors import correlated_units
 from anaplot.photogrammetry.block import TieVariance
 from anaplot.planning.networkplan import CUBE_VERSIONS, cube, plan_network
 from anaplot.planning.ownerrors import Correlated, OwnErrors
