@@ -44,6 +44,14 @@ def test_texts_say_what_tomllib_reads(lines: list[str], end: str, closed: bool) 
         assert repr(toml_values(text)) == expected
 
 
+@pytest.mark.parametrize(
+    "name", ['",}"', '"},{"', '"a = b"', '"[[photo]]"', r'"\u0041"', '"#"', '", "']
+)
+def test_names_are_no_punctuation(name: str) -> None:
+    text = f"[[photo]]\nid = {name}\n\n[[photo]]\nid = {name}\nposition = [0.5, {name}]\n"
+    assert toml_values(f"a = 1\n{text}") == tomllib.loads(f"a = 1\n{text}")
+
+
 def test_what_programs_write_is_plain() -> None:
     photo = (
         '[[photo]]\nid = "DSC 1.jpg"\ncamera = "c"\nposition = [1.5, -2e-05, 3.0]\n'
