@@ -329,7 +329,8 @@ class Cleaning(Generic[S, K, R]):
                 f"{self.subject.apriori.of}: nothing that {self.strategy} rejects can be left out: "
                 f"{next(iter(barred.values()))}"
             )
-        out = min(known, key=lambda one: known[one].vtpv + cost * _count(one, known[one]))
+        # of sets that differ by rounding alone the first that was met
+        out = min(known, key=lambda one: round(known[one].vtpv + cost * _count(one, known[one]), 6))
         names, found, place = proposals[out]
         system = self.subject.residuals(known[out].solution, len(passes) + 1)
         if len(system.names) != len(names) or not all(map(eq, system.names, names)):
