@@ -7,6 +7,7 @@ rejected: a rejected one can come back, and its estimated error is what it is of
 from __future__ import annotations
 
 from collections.abc import Collection, Hashable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from operator import eq
 from typing import Generic, NamedTuple, Protocol, TypeVar, cast
@@ -254,6 +255,7 @@ class Cleaning(Generic[S, K, R]):
             if proposed == at:
                 self._check_scale(system, found)
                 return self._end(solved[proposed], proposed, system, passes, barred, held)
+            del system  # as large as the subject, before there is another
             if again or len(passes) >= MOST_PASSES or len(barred) > _MOST_REFUSED:
                 return self._best(solved, proposals, passes, barred, held, "")
             if proposed not in solved:
@@ -445,4 +447,9 @@ def _names(system: ResidualSystem, like: frozenset[K]) -> Sequence[K]:
 
 
 def _rows(system: ResidualSystem, names: frozenset[K]) -> list[int]:
-    return [row for row, name in enumerate(system.names) if name in names] if names else []
+    """Return the rows of names; of a name that the system lacks there is none."""
+    rows = []
+    for name in names:
+        with suppress(ValueError):
+            rows.append(system.names.index(name))
+    return sorted(rows)

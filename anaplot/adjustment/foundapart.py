@@ -121,7 +121,9 @@ def _findings(
     n = len(system.e)
     e, r = system.e, system.r
     if left_out:
-        begun = apart.without.adjusted(sorted(left_out))
+        # of a draft that rejects something nobody asks for more than what it rejects
+        last = not (apart.draft and end.rows)
+        begun = (apart.without.adjusted if last else apart.without.drafted)(sorted(left_out))
         e, r = begun.e.copy(), begun.r.copy()
         e[list(left_out)], r[list(left_out)] = 0.0, 0.0
     rows, testable = remaining(n, left_out), r >= TESTABLE

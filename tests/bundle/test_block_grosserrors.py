@@ -154,7 +154,7 @@ def test_the_rank_one_prediction_is_the_new_adjustment_to_second_order() -> None
         column = system.columns(np.array([row]))[:, 0]
         z = system.e[row] / system.r[row]
         predicted = system.e - column * z
-        left = adjust_bundle(without(system, frozenset([row])), torn.state)
+        left = adjust_bundle(without(system.rows, frozenset([row])), torn.state)
         real = -left.v.ravel()
         assert real[row] == 0.0
         miss = np.abs(np.delete(predicted[: system.rows.image] - real, row)).max()
@@ -258,7 +258,7 @@ def test_priors_of_additional_parameters_are_never_rejected() -> None:
     assert len(system.rows.additional)
     assert all(row < system.rows.starts[2] for row in found.findings.rows)
     with pytest.raises(ValueError, match="cannot be rejected"):
-        without(system, frozenset([system.rows.starts[2]]))
+        without(system.rows, frozenset([system.rows.starts[2]]))
 
 
 def test_errors_so_large_that_the_minimum_is_torn() -> None:

@@ -17,8 +17,11 @@ from anaplot.bundle.errors import blockrows
 from anaplot.bundle.errors.grosserrors import block_gross_errors
 from anaplot.bundle.errors.parted import BlockParts
 from anaplot.bundle.solve.additional import additional_parameters
+from anaplot.bundle.solve.gaussnewton import NoConvergenceError, find_minimum
 from anaplot.bundle.solve.problem import make_problem
 from anaplot.bundle.solve.residuals import block_residuals
+from anaplot.bundle.solve.structure import make_structure
+from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import ControlPoint
 
 CRITICAL = critical_normal(0.001)
@@ -233,7 +236,7 @@ def test_what_conditions_tie_together_is_cleaned_as_one(monkeypatch) -> None:
         problem, block.cofactors.normal.structure, None, control_only=False
     )
     system = block_residuals(problem, block.state, block.cofactors.normal.structure)
-    place = blockrows.BlockPlace(block.state, None)
+    place = blockrows.BlockPlace(block.state)
     assert subject.apart(system, place) is None  # few rows
     monkeypatch.setattr(blockrows, "MOST_ROWS_AS_ONE", 0)
     assert isinstance(subject.apart(system, place), BlockParts)
@@ -279,3 +282,53 @@ def test_sweeps_begin_without_what_is_far_off(
     assert int(begun.split()[2]) >= count
     # the last pass begins and ends with what the one before has rejected
     assert [what for what in told if what.startswith("sweep")][-1].startswith("sweep 1, ")
+
+
+def test_rows_are_found_by_their_names() -> None:
+    system, _, _ = system_of(scenes()["stated"])
+    names = system.names
+    assert [names.index(name) for name in names] == list(range(len(system.e)))
+    for strange in (
+        ("image", "no", "such", None, "x"),
+        ("control", "no", "X"),
+        ("prior", "a", "b"),
+    ):
+        with pytest.raises(ValueError, match="no observation"):
+            names.index(strange)
+    with pytest.raises(ValueError, match="no observation"):
+        names.index(names[0], 1)
+
+
+def test_equations_that_were_let_go_are_made_anew_as_they_were() -> None:
+    scene = scenes()["tilted"]
+    problem = make_problem(scene.block, datum="free")
+    structure = make_structure(problem, scene.start(problem).centres)
+    found = find_minimum(problem, scene.start(problem), structure)
+    place = blockrows.BlockPlace.of(found)
+    assert place.found is found
+    q = place.cofactors.points
+    place.let_go()
+    assert place.found is not found
+    assert place.found.convergence == found.convergence
+    assert np.array_equal(place.found.normal.z, found.normal.z)
+    assert np.array_equal(place.cofactors.points, q)
+    given = blockrows.BlockPlace(found.state)
+    assert given.found is None
+    assert given.cofactors is None
+
+
+def test_what_a_firm_start_leaves_open_is_not_sought_by_damping() -> None:
+    scene = scenes()["aerial"]
+    problem = make_problem(scene.block)
+    state = scene.start(problem)
+    rejected = np.zeros((len(problem.photo), 2), dtype=bool)
+    rejected[problem.photo == 0] = True  # nothing but zeros is left of a photo
+    open_photo = replace(problem, rejected=rejected)
+    structure = make_structure(problem, state.centres)
+    with pytest.raises(NotComputableError, match="not determined: points p2") as told:
+        find_minimum(open_photo, state, structure, firm=True)
+    assert not isinstance(told.value, NoConvergenceError)
+    with pytest.raises(NoConvergenceError):
+        find_minimum(open_photo, state, structure)
+    firm = find_minimum(problem, state, structure, firm=True)
+    assert firm.convergence == find_minimum(problem, state, structure).convergence

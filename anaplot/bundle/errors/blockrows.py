@@ -18,10 +18,16 @@ from anaplot.bundle.errors.snooping import model_values
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.datum import anchor, check_datum
 from anaplot.bundle.solve.factor import NotPositiveError
-from anaplot.bundle.solve.gaussnewton import Minimum, NoConvergenceError, find_minimum
+from anaplot.bundle.solve.gaussnewton import (
+    Convergence,
+    Minimum,
+    NoConvergenceError,
+    equations_at,
+    find_minimum,
+)
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.linearised import linearise
-from anaplot.bundle.solve.normal import NormalEquations, PointError
+from anaplot.bundle.solve.normal import PointError
 from anaplot.bundle.solve.observations import ObservationName, Observations
 from anaplot.bundle.solve.openmovement import undetermined
 from anaplot.bundle.solve.problem import Problem
@@ -39,10 +45,37 @@ MOST_ROWS_AS_ONE = 10_000
 
 @dataclass(frozen=True, eq=False)
 class BlockPlace:
-    """Where a block lies; the minimum that was found, None where it was given."""
+    """Where a block lies, and of a minimum what its equations are made of.
+
+    Attributes
+    ----------
+    state
+        Where it lies.
+    reduced, structure, convergence
+        The bundle whose minimum that is, the structure of its equations, and how it was found; None
+        where the place was given.
+    """
 
     state: BlockState
-    found: Minimum | None
+    reduced: Problem | None = None
+    structure: Structure | None = None
+    convergence: Convergence | None = None
+
+    @classmethod
+    def of(cls, found: Minimum) -> BlockPlace:
+        """Return the place of a minimum."""
+        normal = found.normal
+        place = cls(found.state, normal.problem, normal.structure, found.convergence)
+        vars(place)["found"] = found
+        return place
+
+    @cached_property
+    def found(self) -> Minimum | None:
+        """The minimum, its equations made anew where they were let go; None: it was given."""
+        if self.reduced is None or self.structure is None or self.convergence is None:
+            return None
+        equations = equations_at(self.reduced, self.structure, self.state)
+        return Minimum(self.state, *equations, self.convergence)
 
     @cached_property
     def cofactors(self) -> Cofactors | None:
@@ -50,6 +83,11 @@ class BlockPlace:
         if self.found is None:
             return None
         return compute_cofactors(self.found.normal, self.found.factor)
+
+    def let_go(self) -> None:
+        """Let go of what is as large as the block: it can be made anew."""
+        for name in ("found", "cofactors"):
+            vars(self).pop(name, None)
 
 
 class BlockRows:
@@ -78,7 +116,7 @@ class BlockRows:
     ) -> None:
         self.problem, self.structure = problem, structure
         self._watch, self._control_only = watch, control_only
-        self._system: BlockResiduals | None = None
+        self._rows: Observations | None = None
         self._first = first
         block = problem.block
         # control, priors and conditions may be far better, or worse, than they say
@@ -90,10 +128,9 @@ class BlockRows:
         label = f"gross errors, pass {number}"
         first, self._first = self._first, None
         if first is not None and at.state is first.state and first.cofactors.change is None:
-            self._system = residuals_at(first.cofactors)
-            return self._system
+            return self._told(residuals_at(first.cofactors))
         try:
-            self._system = block_residuals(
+            system = block_residuals(
                 self.problem,
                 at.state,
                 self.structure,
@@ -101,26 +138,29 @@ class BlockRows:
             )
         except (PointError, NotPositiveError) as error:
             raise self._open(self.problem, at.state, error) from error
-        return self._system
+        return self._told(system)
+
+    def _told(self, system: BlockResiduals) -> BlockResiduals:
+        self._rows = system.rows
+        return system
 
     @property
     def rows(self) -> Observations:
         """Which observations the rows are; the same in every linearisation."""
-        assert self._system is not None
-        return self._system.rows
+        assert self._rows is not None
+        return self._rows
 
     def problem_without(self, out: frozenset[ObservationName]) -> Problem:
         """Return the bundle without some rows."""
-        assert self._system is not None
-        return without(self._system, frozenset(map(self.rows.row_of, out)))
+        return without(self.rows, frozenset(map(self.rows.row_of, out)))
 
     def without(
         self, out: frozenset[ObservationName], near: BlockPlace
     ) -> SolvedWithout[BlockPlace, ObservationName]:
         """Adjust without some rows."""
-        vars(near).pop("cofactors", None)  # as large as the block, and not asked for again
+        near.let_go()  # asked for again only where the passes do not settle
         found = self._minimum(self.problem_without(out), near.state)
-        return SolvedWithout(BlockPlace(found.state, found), found.convergence.last)
+        return SolvedWithout(BlockPlace.of(found), found.convergence.last)
 
     def suspects(self, system: BlockResiduals) -> Bools:
         """Return which rows may be rejected: priors of additional parameters never.
@@ -145,23 +185,15 @@ class BlockRows:
         """Return how it is seen without some rows, of a block too large to be cleaned as one."""
         if len(system.e) <= MOST_ROWS_AS_ONE or not can_be_parted(self.problem):
             return None
-        reduced = None if at.found is None else at.found.normal.problem
-        return BlockParts(system, at.state, self.structure, reduced, lambda: at.cofactors)
+        return BlockParts(system, at.state, self.structure, at.reduced, lambda: at.cofactors)
 
     def astray(self, error: NotComputableError) -> bool:
         """Whether there was no minimum to be found."""
         return isinstance(error, NoConvergenceError)
 
     def _minimum(self, problem: Problem, state: BlockState) -> Minimum:
-        linear = linearise(problem, state)
-        check_datum(problem, state, linear)
-        tie = anchor(problem, state) if problem.defect else None
-        try:
-            weights = None if tie is None else tie.weights
-            NormalEquations(problem, self.structure, linear, 0.0, weights).factor()
-        except (PointError, NotPositiveError) as error:
-            raise self._open(problem, state, error) from error
-        return find_minimum(problem, state, self.structure, progress=self._watch)
+        check_datum(problem, state, linearise(problem, state))
+        return find_minimum(problem, state, self.structure, firm=True, progress=self._watch)
 
     def _open(
         self, problem: Problem, state: BlockState, error: PointError | NotPositiveError

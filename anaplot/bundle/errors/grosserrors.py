@@ -42,7 +42,6 @@ from anaplot.bundle.errors.misfits import (
 from anaplot.bundle.errors.misnamed import MisnamedRay, misnamed_rays
 from anaplot.bundle.errors.photosofrejected import PhotoLoss, losses_of_photos
 from anaplot.bundle.solve.adjusted import AdjustedBlock
-from anaplot.bundle.solve.gaussnewton import Minimum
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.linearised import counted_misclosures
 from anaplot.bundle.solve.observations import ObservationName
@@ -310,14 +309,10 @@ def _check_scale_at(
 
 
 class _Second(NamedTuple):
-    """Another place to begin at: what is adjusted there, and points that cannot be linearised.
-
-    Also its minimum, where it is one.
-    """
+    """Another place to begin at: what is adjusted there, and points that cannot be linearised."""
 
     problem: Problem
-    state: BlockState
-    found: Minimum | None
+    place: BlockPlace
     points: tuple[str, ...]
 
 
@@ -331,10 +326,10 @@ def _second_place(problem: Problem, first: AdjustedBlock) -> _Second | None:
         least = minimum_without_misfits(problem, structure, start)
         if least is None:
             there = robust_state(problem, structure, start).state
-            return _Second(first.problem, there, None, ())
+            return _Second(first.problem, BlockPlace(there), ())
     except np.linalg.LinAlgError:
         return None
-    return _Second(least[0], least[1].state, least[1], points_gone(problem, least[0]))
+    return _Second(least[0], BlockPlace.of(least[1]), points_gone(problem, least[0]))
 
 
 def _best_end(
@@ -356,11 +351,11 @@ def _best_end(
     reduced, state = first.problem, first.state
     if problem.points != reduced.points:
         state = among_points(reduced, problem, state)
-    here = BlockPlace(state, None)
+    here = BlockPlace(state)
     place = here
     if second is not None:
-        reduced, state = second.problem, second.state
-        place = BlockPlace(state, second.found)
+        reduced, place = second.problem, second.place
+        state = place.state
     with suppress(np.linalg.LinAlgError):
         if second is not None and cleaning.by_apriori:
             _check_scale_at(subject, state, first, cleaning.settings.alpha)

@@ -14,34 +14,33 @@ from anaplot.bundle.solve.observations import (
     Observations,
 )
 from anaplot.bundle.solve.problem import Problem
-from anaplot.bundle.solve.residuals import BlockResiduals
 
 __all__ = ["missing", "rows_missing", "with_rows_of", "without"]
 
 
-def without(system: BlockResiduals, rows: frozenset[int]) -> Problem:
-    """Return the bundle without some rows: image coordinates of weight zero, unknown control.
+def without(rows: Observations, out: frozenset[int]) -> Problem:
+    """Return a bundle without some of its rows: image coordinates of weight zero, unknown control.
 
     Raises
     ------
     ValueError
         A prior on an additional parameter, which is no measurement.
     """
-    problem = system.problem
-    first, second, third, fourth = system.rows.starts
+    problem = rows.problem
+    first, second, third, fourth = rows.starts
     rejected = np.zeros((len(problem.photo), 2), dtype=bool)
     if problem.off is not None:
         rejected |= problem.off
     ground = problem.ground_sigma
     position, rotation = problem.position_sigma.copy(), problem.rotation_sigma.copy()
     conditions: list[int] = []
-    for row in sorted(rows):
+    for row in sorted(out):
         if row < first:
             rejected[divmod(row, 2)] = True
         elif row < second:
-            ground[tuple(system.rows.ground[row - first])] = np.nan
+            ground[tuple(rows.ground[row - first])] = np.nan
         elif row < third:
-            photo, unknown = system.rows.priors[row - second].tolist()
+            photo, unknown = rows.priors[row - second].tolist()
             (position if unknown < 3 else rotation)[photo, unknown % 3] = np.nan
         elif row >= fourth:
             conditions.append(row - fourth)

@@ -90,7 +90,7 @@ class BlockParts:
         """
         if not len(out):
             return self.drafted(out)
-        problem = without(self._system, frozenset(out))
+        problem = without(self._system.rows, frozenset(out))
         if self._reduced is not None and _same_rows(problem, self._reduced):
             known = self._known()
             if known is not None:

@@ -120,6 +120,7 @@ def find_minimum(
     structure: Structure,
     *,
     tries: int | None = None,
+    firm: bool = False,
     progress: Progress | None = None,
 ) -> Minimum:
     """Minimise v'Pv by damped Gauss-Newton steps (Levenberg and Marquardt).
@@ -136,6 +137,9 @@ def find_minimum(
         The bundle, approximate values, and the structure of its normal equations.
     tries
         Steps, also those taken back, after which the start is given up; None: as many as it takes.
+    firm
+        Whether the observations are known to determine all where it begins, unless too few of them
+        are left: nothing is sought then by damping that the first step leaves open.
     progress
         Called with what is being done and the fraction of it.
 
@@ -144,7 +148,7 @@ def find_minimum(
     NoConvergenceError
         There is no minimum to be found from here; `no_minimum` says why.
     NotComputableError
-        The observations leave something open at the minimum.
+        The observations leave something open at the minimum, or, where it is `firm`, at the start.
     """
     state = start = rescaled(problem, start)
     value, depth = objective(problem, state)
@@ -185,6 +189,8 @@ def find_minimum(
                 raise NoConvergenceError(_ended(problem, value, accepted), state)
             if step is None and damping == 0.0:
                 open_here = True
+                if firm and not accepted:
+                    _determined(problem, structure, linear, tie)
             damping, growth = max(damping * growth, _LEAST), 2.0 * growth
             if damping > _RUNAWAY:
                 raise NoConvergenceError(_ended(problem, value, accepted), state)
@@ -370,13 +376,19 @@ def equations_at(
         The observations leave something open there.
     """
     tie = anchor(problem, state) if problem.defect else None
-    linear = linearise(problem, state)
+    normal, factor = _determined(problem, structure, linearise(problem, state), tie)
+    normal.offset_update(factor)
+    return normal, factor, tie
+
+
+def _determined(
+    problem: Problem, structure: Structure, linear: Linearised, tie: Anchor | None
+) -> tuple[NormalEquations, Factor]:
+    """Return equations without damping and their factor, or say what is left open."""
     try:
         normal = NormalEquations(
             problem, structure, linear, 0.0, None if tie is None else tie.weights
         )
-        factor = normal.factor()
+        return normal, normal.factor()
     except (PointError, NotPositiveError) as error:
         raise undetermined(problem, structure, linear, tie, error) from error
-    normal.offset_update(factor)
-    return normal, factor, tie

@@ -54,6 +54,16 @@ class _Names(Sequence[ObservationName]):
         found = range(self._of.count)[at]
         return self._of.name(found) if isinstance(found, int) else [*map(self._of.name, found)]
 
+    def index(self, value: Any, start: int = 0, stop: int | None = None) -> int:
+        """Return the row of a name, without making the others."""
+        try:
+            row = self._of.row_of(value)
+        except KeyError:
+            row = -1
+        if row not in range(self._of.count)[start:stop]:
+            raise ValueError(f"no observation {value!r}")
+        return row
+
 
 @dataclass(frozen=True, eq=False)
 class Observations:
