@@ -14,7 +14,7 @@ import numpy as np
 
 from anaplot.aliases import Progress
 from anaplot.bundle.adjust import adjust_problem, evaluate
-from anaplot.bundle.errors.wrongray import SuspectRay, explained, suspect_rays
+from anaplot.bundle.errors.wrongray import SuspectRay, explained, suspect_rays_of
 from anaplot.bundle.onward import adjust_onward
 from anaplot.bundle.solve.additional import AdditionalParameters
 from anaplot.bundle.solve.adjusted import AdjustedBlock
@@ -207,7 +207,7 @@ def answer_of(
     return LiveAnswer(
         adjusted=adjusted,
         datum=adjusted.problem.datum,
-        suspect_rays={point: suspect_rays(adjusted, point) for point in points},
+        suspect_rays=suspect_rays_of(adjusted, points),
         explained={point: explained(adjusted, point) for point in points},
         aside=aside,
         reused=reused,

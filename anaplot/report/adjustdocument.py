@@ -10,7 +10,7 @@ import numpy as np
 from anaplot.adjustment.hypothesis import critical_f
 from anaplot.adjustment.reliability import SPUR
 from anaplot.bundle.errors.suspects import ImageCoordinate, Suspect, likeliest_suspects
-from anaplot.bundle.errors.wrongray import SuspectRay, suspect_rays
+from anaplot.bundle.errors.wrongray import SuspectRay, suspect_rays_of
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.externalreliability import MOST_RAYS, external_reliability
 from anaplot.bundle.solve.networkscale import scale_deviation
@@ -109,10 +109,7 @@ def adjust_document(
     image_points = image_point_table(block, external, axes)
     rules = rules_of_thumb(block)
     suspects = likeliest_suspects(block)
-    accused = {
-        point: suspect_rays(block, point)
-        for point in dict.fromkeys(point for _, _, point, _ in block.suspects())
-    }
+    accused = suspect_rays_of(block, (point for _, _, point, _ in block.suspects()))
     ground = block.problem.block.ground
     answer = {
         **_figures(block),

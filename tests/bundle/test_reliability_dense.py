@@ -87,10 +87,15 @@ def test_everything_equals_the_dense_formula(name) -> None:
         )
     # residual cofactors between rays of a point, and one column of Q_vv by back-substitution
     whole = np.eye(2 * m) - design[: 2 * m] @ gain
-    for point in (0, p // 2, p - 1):
-        rays, block_q = found.point_rays(point)
-        index = np.stack((2 * rays, 2 * rays + 1), axis=1).ravel()
-        np.testing.assert_allclose(block_q, whole[np.ix_(index, index)], atol=1e-9)
+    met: list[int] = []
+    for points, rays, block_q in found.several_rays([p - 1, *range(p)]):
+        met += points.tolist()
+        for point, mine, own_q in zip(points.tolist(), rays, block_q, strict=True):
+            index = np.stack((2 * mine, 2 * mine + 1), axis=1).ravel()
+            np.testing.assert_array_equal(mine, np.flatnonzero(problem.point == point))
+            np.testing.assert_allclose(own_q, whole[np.ix_(index, index)], atol=1e-9)
+            np.testing.assert_allclose(found.point_rays(point)[1], own_q, atol=1e-12)
+    assert met == list(range(p))
     for ray, axis in ((0, 0), (m // 2, 1)):
         np.testing.assert_allclose(
             found.column(ray, axis).ravel(), whole[:, 2 * ray + axis], atol=1e-8

@@ -19,7 +19,7 @@ from anaplot.bundle.solve.additional import AdditionalParameters, ebner
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.gaussnewton import equations_at
 from anaplot.bundle.solve.imaging import BlockState
-from anaplot.bundle.solve.problem import Problem
+from anaplot.bundle.solve.problem import Problem, make_problem
 from anaplot.bundle.solve.reliability import compute_cofactors
 from anaplot.bundle.solve.structure import make_structure
 from anaplot.bundle.thinning.accuracy import deviations
@@ -337,6 +337,27 @@ def test_what_asks_for_the_end_has_what_was_reached() -> None:
     thinning = thin_block(before, 0.3, watch=watch)
     assert not thinning.complete
     assert thinning.block is before
+
+
+def test_every_camera_without_a_format_reaches_as_far_as_its_own_photos_measure() -> None:
+    block = dense()
+    one, other = replace(block.cameras[0], id="one"), replace(block.cameras[0], id="other")
+    wide, idle = replace(one, id="wide", format=(300.0, 200.0)), replace(one, id="idle")
+    used = [one, other, wide]
+    photos = [replace(p, camera=used[k % 3].id) for k, p in enumerate(block.photos)]
+    mixed = replace(block, cameras=(idle, *used), photos=tuple(photos))
+    problem = make_problem(mixed)
+    parts = image_parts(problem)
+    reach = {"wide": (150.0, 100.0)}
+    for camera in used[:2]:
+        mine = {p.id for p in photos if p.camera == camera.id}
+        rows = [row for row in mixed.image_points if row.photo in mine]
+        reach[camera.id] = max(abs(row.x) for row in rows), max(abs(row.y) for row in rows)
+    of = {p.id: reach[p.camera] for p in photos}
+    for ray, (x, y) in enumerate(problem.ideal.tolist()):
+        a, b = of[problem.photos[problem.photo[ray]]]
+        column, row = min(int(1.5 * (x / a + 1.0)), 2), min(int(1.5 * (y / b + 1.0)), 2)
+        assert parts.cell[parts.region[ray]] == 3 * (2 - row) + column
 
 
 def test_without_a_format_rays_that_are_off_move_no_region() -> None:

@@ -10,8 +10,8 @@ import pytest
 from bundleblocks import aerial
 from denseblock import dense, dense_inverse
 
-from anaplot.bundle.adjust import adjust_bundle
-from anaplot.bundle.errors.wrongray import explained, suspect_rays
+from anaplot.bundle.adjust import adjust_block, adjust_bundle
+from anaplot.bundle.errors.wrongray import explained, suspect_rays, suspect_rays_of
 from anaplot.bundle.solve.problem import make_problem
 from anaplot.photogrammetry.block import TestSettings
 
@@ -118,3 +118,19 @@ def test_what_is_explained_is_summed_over_all_rays_of_the_point() -> None:
     # which of them it is is another question
     assert max(factors) / sum(factors) == pytest.approx(0.5, abs=0.01)
     assert said > 0.85
+
+
+@pytest.mark.parametrize("kind", ["tau", "baarda"])
+def test_several_points_are_weighed_as_each_by_itself(kind) -> None:
+    scene = aerial(2, 4, per_base=1, noise_um=5.0, control_sigma=0.05, test=TestSettings(kind=kind))
+    block = adjust_block(scene.block)
+    names = block.problem.points[::-1]
+    assert len(set(np.bincount(block.problem.point))) > 2
+    found = suspect_rays_of(block, names)
+    assert tuple(found) == names
+    for name in names:
+        one = suspect_rays(block, name)
+        assert [ray[:2] for ray in found[name]] == [ray[:2] for ray in one]
+        weights = [ray.probability for ray in found[name]]
+        assert weights == pytest.approx([ray.probability for ray in one], rel=1e-12)
+        assert sum(weights) == pytest.approx(1.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator, Sequence
 from math import log, sqrt
 from typing import NamedTuple
 
@@ -11,11 +12,11 @@ from anaplot.adjustment.hypothesis import f_test
 from anaplot.adjustment.reliability import ERROR_PRIOR_SIGMAS, NONE_PRIOR
 from anaplot.adjustment.significance import TESTABLE
 from anaplot.adjustment.tested import sigma0_known
-from anaplot.aliases import Array
+from anaplot.aliases import Array, Index
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.photogrammetry.imagepoints import columns_of
 
-__all__ = ["SuspectRay", "explained", "suspect_rays"]
+__all__ = ["SuspectRay", "explained", "suspect_rays", "suspect_rays_of"]
 
 _ALL = 1e-12  # share of the sum of squares that is rounding
 _CHANCE = 1e-3  # below, it was not by chance that the other rays do not agree
@@ -55,25 +56,38 @@ def suspect_rays(block: AdjustedBlock, point: str) -> tuple[SuspectRay, ...]:
     ValueError
         The point is not in the block.
     """
+    return suspect_rays_of(block, (point,))[point]
+
+
+def suspect_rays_of(
+    block: AdjustedBlock, points: Iterable[str]
+) -> dict[str, tuple[SuspectRay, ...]]:
+    """Return what `suspect_rays` does of several points, in their order."""
     problem = block.problem
-    weighed = _weigh(block, point)
-    logs = np.array(weighed.logs)
-    weights = np.exp(logs - logs.max())
-    weights /= weights.sum()
+    names = {block.point_number(point): point for point in points}
     models = columns_of(problem.block.image_points).model
-    found = [
-        SuspectRay(
-            problem.photos[problem.photo[ray]],
-            models.at(problem.source[ray]),
-            statistic,
-            weight,
-        )
-        for ray, statistic, weight in zip(
-            weighed.rays, weighed.statistics, weights.tolist(), strict=True
-        )
-    ]
-    found.sort(key=lambda ray: -ray.probability)
-    return tuple(found)
+    out: dict[str, tuple[SuspectRay, ...]] = dict.fromkeys(names.values(), ())
+    for weighed in _weigh(block, tuple(names)):
+        weights = np.exp(weighed.logs - weighed.logs.max(axis=1, keepdims=True))
+        weights /= weights.sum(axis=1, keepdims=True)
+        for k, point in enumerate(weighed.points.tolist()):
+            rays = weighed.rays[k]
+            found = [
+                SuspectRay(
+                    problem.photos[photo], models.at(row), size if rank else None, probability
+                )
+                for photo, row, size, rank, probability in zip(
+                    problem.photo[rays].tolist(),
+                    problem.source[rays].tolist(),
+                    weighed.statistics[k].tolist(),
+                    weighed.ranks[k].tolist(),
+                    weights[k].tolist(),
+                    strict=True,
+                )
+            ]
+            found.sort(key=lambda ray: -ray.probability)
+            out[names[point]] = tuple(found)
+    return out
 
 
 def explained(block: AdjustedBlock, point: str) -> float:
@@ -90,18 +104,20 @@ def explained(block: AdjustedBlock, point: str) -> float:
     ValueError
         The point is not in the block.
     """
-    weighed = _weigh(block, point)
-    worst = int(np.argmax(weighed.logs))
-    if not _agree(block, weighed, weighed.statistics[worst] or 0.0, weighed.ranks[worst]):
+    weighed = next(_weigh(block, (block.point_number(point),)))
+    logs = weighed.logs[0]
+    worst = int(np.argmax(logs))
+    square, rank = float(weighed.statistics[0, worst]), int(weighed.ranks[0, worst])
+    if not _agree(block, weighed, square, rank):
         return 0.0
     # the other rays of the point share what speaks against chance
     none = log(NONE_PRIOR / (1.0 - NONE_PRIOR) * len(block.problem.photo))
-    return float(1.0 / (1.0 + np.exp(min(none - float(np.logaddexp.reduce(weighed.logs)), 700.0))))
+    return float(1.0 / (1.0 + np.exp(min(none - float(np.logaddexp.reduce(logs)), 700.0))))
 
 
 def _agree(block: AdjustedBlock, weighed: _Weighed, square: float, rank: int) -> bool:
     """Whether the other rays of a point agree without one that explains so much of its squares."""
-    squares, values = _squares(weighed.q, weighed.v.ravel())
+    squares, values = _squares(weighed.q[0], weighed.v[0].ravel())
     every, known = float(squares.sum()), int((values > 0.0).sum())
     free = known - rank
     if free < 1:
@@ -118,58 +134,61 @@ def _agree(block: AdjustedBlock, weighed: _Weighed, square: float, rank: int) ->
 
 
 class _Weighed(NamedTuple):
-    """The rays of a point.
+    """The rays of p points that have k each.
 
     Attributes
     ----------
-    rays
-        Which of the block's they are.
+    points, rays
+        (p,) and (p, k): which of the block's they are.
     statistics, ranks
-        v' Q_vv^-1 v / sigma^2 of each, None when nothing checks it, and how many independent
-        residuals it has.
+        (p, k) v' Q_vv^-1 v / sigma^2 of each, and how many independent residuals it has: 0 where
+        nothing checks it.
     logs
-        Logarithms of their Bayes factors against no error.
+        (p, k) logarithms of their Bayes factors against no error.
     q, v
-        (2k, 2k) cofactors of the residuals of all of them, and (k, 2) the residuals by sigma.
+        (p, 2k, 2k) cofactors of the residuals of all of a point, and (p, k, 2) the residuals by
+        sigma.
     sigma, estimated
         The sigma that was used, and whether it is an estimated one.
     """
 
-    rays: list[int]
-    statistics: list[float | None]
-    ranks: list[int]
-    logs: list[float]
+    points: Index
+    rays: Index
+    statistics: Array
+    ranks: Index
+    logs: Array
     q: Array
     v: Array
     sigma: float
     estimated: bool
 
 
-def _weigh(block: AdjustedBlock, point: str) -> _Weighed:
-    problem = block.problem
-    rays, q = block.cofactors.point_rays(block.point_number(point))
+def _weigh(block: AdjustedBlock, points: Sequence[int]) -> Iterator[_Weighed]:
+    """Yield the rays of some points, those with as many together."""
     sigma = block.sigma if block.sigma is not None and block.sigma > 0.0 else 1.0
     f = block.redundancy
-    estimated = not sigma0_known(problem.test.kind) and bool(block.sigma)
-    v, each = block.v[rays] / sigma, np.arange(len(rays))
-    squares, values = _squares(q.reshape(len(rays), 2, -1, 2)[each, :, each], v)
-    g = ERROR_PRIOR_SIGMAS**2 * values
-    shares = (squares * g / (1.0 + g)).sum(axis=1)
-    if estimated:
-        # the sum of squares that an error here would leave; more than all cannot be explained
-        shares = -f * np.log1p(-np.minimum(shares / f, 1.0 - _ALL))
-    ranks = (values > 0.0).sum(axis=1).tolist()
-    sizes = squares.sum(axis=1).tolist()
-    return _Weighed(
-        rays.tolist(),
-        [size if rank else None for size, rank in zip(sizes, ranks, strict=True)],
-        ranks,
-        (0.5 * (shares - np.log1p(g).sum(axis=1))).tolist(),
-        q,
-        v,
-        sigma,
-        estimated,
-    )
+    estimated = not sigma0_known(block.problem.test.kind) and bool(block.sigma)
+    for some, rays, q in block.cofactors.several_rays(points):
+        p, k = rays.shape
+        v, each = block.v[rays] / sigma, np.arange(k)
+        own = q.reshape(p, k, 2, k, 2)[:, each, :, each].swapaxes(0, 1)
+        squares, values = _squares(own, v)
+        g = ERROR_PRIOR_SIGMAS**2 * values
+        shares = (squares * g / (1.0 + g)).sum(axis=2)
+        if estimated:
+            # the squares that an error here would leave; more than all cannot be explained
+            shares = -f * np.log1p(-np.minimum(shares / f, 1.0 - _ALL))
+        yield _Weighed(
+            some,
+            rays,
+            squares.sum(axis=2),
+            (values > 0.0).sum(axis=2),
+            0.5 * (shares - np.log1p(g).sum(axis=2)),
+            q,
+            v,
+            sigma,
+            estimated,
+        )
 
 
 def _squares(q: Array, v: Array) -> tuple[Array, Array]:

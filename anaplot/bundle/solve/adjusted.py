@@ -429,16 +429,14 @@ class AdjustedBlock:
             coordinates that nothing checks.
         """
         problem = self.problem
-        rays, q = self.cofactors.point_rays(self.point_number(point))
+        _, (rays, rho) = next(self.cofactors.several_correlations([self.point_number(point)]))
         models = columns_of(problem.block.image_points).model
         labels = [
             (problem.photos[problem.photo[k]], models.at(problem.source[k]), axis)
             for k in rays.tolist()
             for axis in "xy"
         ]
-        diagonal = np.diag(q)
-        size = np.sqrt(np.where(diagonal > TESTABLE, diagonal, np.nan))
-        return labels, np.clip(q / size[:, None] / size, -1.0, 1.0)
+        return labels, rho
 
     def _deviations(self, q: Array) -> tuple[float | None, ...]:
         if self.sigma is None:

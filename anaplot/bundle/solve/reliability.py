@@ -12,11 +12,12 @@ All is whitened (observations divided by their a-priori sigmas), so that r = 1 -
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from anaplot.adjustment.significance import TESTABLE
 from anaplot.aliases import Array, Index
 from anaplot.bundle.solve.factor import Factor, SelectedInverse
 from anaplot.bundle.solve.normal import NormalEquations
@@ -186,35 +187,73 @@ class Cofactors:
 
     def point_rays(self, point: int) -> tuple[Index, Array]:
         """Return the rays of a point and the (2k, 2k) whitened cofactors of their residuals."""
-        problem = self.normal.problem
-        rays = self.rays_of(point)
-        k = len(rays)
-        linear = self.normal.linear
-        d = linear.a.shape[2]
-        q = self.normal.structure.among(problem.photo[rays], self.inverse.blocks)
-        design = np.zeros((2 * k, k * d))
-        for i, ray in enumerate(rays):
-            design[2 * i : 2 * i + 2, i * d : i * d + d] = linear.a[ray]
-        root = self.normal.inverse_root[point]
-        b = linear.b[rays].reshape(2 * k, 3)
-        m = root.T @ np.concatenate([self.normal.z[ray].T for ray in rays], axis=1)
-        reduced = design - b @ m
-        own = root.T @ root
-        adjusted = reduced @ q @ reduced.T + b @ own @ b.T
+        _, rays, q = next(self.several_rays([point]))
+        return rays[0], q[0]
+
+    def several_rays(self, points: Sequence[int]) -> Iterator[tuple[Index, Index, Array]]:
+        """Yield what `point_rays` returns of several points, those with as many rays together.
+
+        Yields
+        ------
+        tuple
+            (p,) points, (p, k) their rays, (p, 2k, 2k) cofactors.
+        """
+        wanted = np.unique(np.asarray(points, dtype=np.intp))
+        d = self.normal.linear.a.shape[2]
+        for group in self.normal.problem.groups:
+            first, k = group.first_point, group.rays
+            start, end = np.searchsorted(wanted, (first, first + group.points)).tolist()
+            step = max(1, _PORTION // (64 * (k * d) ** 2))
+            for at in range(start, end, step):
+                some = wanted[at : min(at + step, end)]
+                rays = group.first_ray + (some - first)[:, None] * k + np.arange(k)
+                yield some, rays, self._of_rays(some, rays)
+
+    def several_correlations(
+        self, points: Sequence[int]
+    ) -> Iterator[tuple[int, tuple[Index, Array]]]:
+        """Yield of points their k rays, and the (2k, 2k) correlations of the residuals.
+
+        NaN for coordinates that nothing checks.
+        """
+        for some, rays, q in self.several_rays(points):
+            diagonal = np.einsum("pii->pi", q)
+            size = np.sqrt(np.where(diagonal > TESTABLE, diagonal, np.nan))
+            rho = np.clip(q / size[:, :, None] / size[:, None, :], -1.0, 1.0)
+            yield from zip(some.tolist(), zip(rays, rho, strict=True), strict=True)
+
+    def _of_rays(self, points: Index, rays: Index) -> Array:
+        """Return (p, 2k, 2k) cofactors of (p, k) rays, all that the points have."""
+        problem, linear = self.normal.problem, self.normal.linear
+        (p, k), d = rays.shape, linear.a.shape[2]
+        every, photos = rays.ravel(), problem.photo[rays]
+        q = self.normal.structure.among(photos, self.inverse.blocks)
+        each = np.arange(k)
+        design = np.zeros((p, k, 2, k, d))
+        design[:, each, :, each] = linear.a[rays].swapaxes(0, 1)
+        root = self.normal.inverse_root[points]
+        turned = root.swapaxes(1, 2)
+        b = linear.b[rays].reshape(p, 2 * k, 3)
+        z = np.ascontiguousarray(self.normal.z[rays].reshape(p, k * d, 3).swapaxes(1, 2))
+        reduced = design.reshape(p, 2 * k, k * d) - b @ (turned @ z)
+        adjusted = reduced @ q @ reduced.swapaxes(1, 2)
+        adjusted += b @ (turned @ root) @ b.swapaxes(1, 2)
         g = len(self.shared)
         if g:
-            h = np.zeros((2 * k, g))
-            columns = self.normal.border_columns(problem.additional_group[rays])
-            for i, ray in enumerate(rays):
-                h[2 * i : 2 * i + 2, columns[i]] = linear.h[ray]
-            h -= b @ root.T @ self.normal.t[point]
-            beside = np.concatenate([self.inverse.border[problem.photo[ray]] for ray in rays])
-            cross = reduced @ beside @ h.T
-            adjusted += cross + cross.T + h @ self.inverse.corner @ h.T
+            of_rays = np.zeros((p * k, 2, g))
+            columns = self.normal.border_columns(problem.additional_group[every])
+            np.put_along_axis(of_rays, np.repeat(columns[:, None], 2, 1), linear.h[every], 2)
+            h = of_rays.reshape(p, 2 * k, g) - b @ turned @ self.normal.t[points]
+            beside = self.inverse.border[photos].reshape(p, k * d, g)
+            cross = reduced @ beside @ h.swapaxes(1, 2)
+            shared = h @ self.inverse.corner @ h.swapaxes(1, 2)
+            adjusted += cross + cross.swapaxes(1, 2) + shared
         for change in self.normal.changes(self.factor):
-            shown = self.normal.seen(*change.gain, rays).reshape(2 * k, -1)
-            adjusted -= shown @ change.inner @ shown.T
-        return rays, np.diag(_weighted(problem, rays).ravel()) - adjusted
+            shown = self.normal.seen(*change.gain, every).reshape(p, 2 * k, -1)
+            adjusted -= shown @ change.inner @ shown.swapaxes(1, 2)
+        weighted = _weighted(problem, every).reshape(p, 2 * k)
+        out: Array = weighted[:, :, None] * np.eye(2 * k) - adjusted
+        return out
 
     def column(self, ray: int, axis: int) -> Array:
         """Return (m, 2): a column of Q_vv P of the image coordinates, see `cofactor_column`."""

@@ -9,6 +9,8 @@ from scipy.sparse import csr_array
 
 from anaplot.aliases import Array, Index
 from anaplot.bundle.solve.problem import Problem
+from anaplot.photogrammetry.block import Block
+from anaplot.photogrammetry.imagepoints import columns_of
 
 __all__ = ["REGIONS", "ImageParts", "image_parts"]
 
@@ -63,8 +65,7 @@ def image_parts(problem: Problem, side: int = REGIONS) -> ImageParts:
     or not: rays that are switched off move no border.
     """
     block, n, m = problem.block, len(problem.photos), len(problem.photo)
-    reach = np.array([_reach(problem, k) for k in range(len(block.cameras))])
-    half = reach[problem.cameras[problem.photo]]
+    half = _reaches(block)[problem.cameras[problem.photo]]
     place = np.floor((problem.ideal / half + 1.0) * (0.5 * side)).astype(np.intp)
     column, row = np.clip(place, 0, side - 1).T
     cells = side * side
@@ -81,15 +82,20 @@ def image_parts(problem: Problem, side: int = REGIONS) -> ImageParts:
     return ImageParts(n, owner, cell, n + region, sums, parts)
 
 
-def _reach(problem: Problem, camera: int) -> tuple[float, float]:
-    """Return the largest abs(x) and abs(y) [mm] of a camera's format, or of what it measured."""
-    block = problem.block
-    stated = block.cameras[camera]
-    if stated.format is not None:
-        return stated.reach()
-    mine = {photo.id for photo in block.photos if photo.camera == stated.id}
-    xy = np.array([(row.x, row.y) for row in block.image_points if row.photo in mine])
-    if len(xy) == 0:
-        return 1.0, 1.0
-    x, y = np.maximum(np.abs(xy).max(axis=0), 1e-9).tolist()
-    return x, y
+def _reaches(block: Block) -> Array:
+    """Return (cameras, 2) largest abs(x) and abs(y) [mm] of the format, or of what was measured."""
+    reach = np.zeros((len(block.cameras), 2))
+    if any(camera.format is None for camera in block.cameras):
+        number = {camera.id: k for k, camera in enumerate(block.cameras)}
+        of_photo = {photo.id: number[photo.camera] for photo in block.photos}
+        points = columns_of(block.image_points)
+        # of photos that are not declared nothing takes part
+        camera = np.array([of_photo.get(photo, -1) for photo in points.photo.values], np.intp)
+        camera = camera[points.photo.index]
+        mine = camera >= 0
+        np.maximum.at(reach, camera[mine], np.maximum(np.abs(points.xy[mine]), 1e-9))
+        reach[reach[:, 0] == 0.0] = 1.0  # nothing is measured with it
+    for k, stated in enumerate(block.cameras):
+        if stated.format is not None:
+            reach[k] = stated.reach()
+    return reach
