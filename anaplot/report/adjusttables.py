@@ -471,9 +471,12 @@ def _of_rays(block: AdjustedBlock, external: ExternalReliability) -> _OfRays:
 
     use = of(tested.use)
     ground = np.full((count, 3), np.nan) if tested.ground is None else tested.ground
-    effects = [[pair[axis] for pair in external.rays] for axis in range(2)]
-    x, y = ([None if one is None else one.effect_m for one in each] for each in effects)
-    at_x, at_y = ([None if one is None else one.point for one in each] for each in effects)
+    x: list[Any] = [None] * len(order)
+    y = at_x = at_y = x
+    if external.looked:
+        effects = [[pair[axis] for pair in external.rays] for axis in range(2)]
+        x, y = ([None if one is None else one.effect_m for one in each] for each in effects)
+        at_x, at_y = ([None if one is None else one.point for one in each] for each in effects)
     return _OfRays(
         of(tested.residual),
         np.where(use, of(tested.r), np.nan),

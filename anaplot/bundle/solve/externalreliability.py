@@ -52,6 +52,8 @@ class ExternalReliability(NamedTuple):
     control, point_priors, priors, conditions
         In the order of `AdjustedBlock.control_rows`, `point_prior_rows`, `prior_rows` and
         `condition_rows`.
+    looked
+        Whether anybody looked; else every effect is None.
     """
 
     rays: list[tuple[LargestEffect | None, LargestEffect | None]]
@@ -59,6 +61,7 @@ class ExternalReliability(NamedTuple):
     point_priors: list[LargestEffect | None]
     priors: list[LargestEffect | None]
     conditions: list[LargestEffect | None]
+    looked: bool = True
 
 
 def external_reliability(block: AdjustedBlock, *, most: int = MOST_RAYS) -> ExternalReliability:
@@ -73,7 +76,10 @@ def external_reliability(block: AdjustedBlock, *, most: int = MOST_RAYS) -> Exte
     """
     problem, rows, tested = block.problem, block.observations, block.tested
     found: list[LargestEffect | None] = [None] * len(tested)
-    if len(problem.photo) <= most:
+    of_rays: list[tuple[LargestEffect | None, LargestEffect | None]]
+    of_rays = [(None, None)] * len(problem.photo)
+    looked = len(problem.photo) <= most
+    if looked:
         farthest = _Farthest(block)
         rays, ground = farthest.of_points(np.isfinite(problem.ground_sigma))
         parts = (
@@ -91,14 +97,16 @@ def external_reliability(block: AdjustedBlock, *, most: int = MOST_RAYS) -> Exte
             LargestEffect(problem.points[k], (x, y, z)) if x == x else None
             for k, (x, y, z) in zip(point.tolist(), moved.tolist(), strict=True)
         ]
+        order = np.argsort(problem.source).tolist()
+        of_rays = [(found[2 * k], found[2 * k + 1]) for k in order]
     first, second, _, fourth = rows.starts
-    order = np.argsort(problem.source).tolist()
     return ExternalReliability(
-        [(found[2 * k], found[2 * k + 1]) for k in order],
+        of_rays,
         [found[first + k] for k in rows.in_file_order(0).tolist()],
         [found[first + k] for k in rows.in_file_order(1).tolist()],
         found[second:fourth],
         found[fourth:],
+        looked,
     )
 
 
