@@ -80,7 +80,7 @@ class Decoder:
         self._understood_records = dict.fromkeys(profile.links, 0)
         self._origin = Origin(profile.stage)
         self._heard_cycle: int | None = None
-        self._kind = ""  # of the record decoded last, "" when it was refused
+        self._whole = False  # the record decoded last says where it was pressed
 
     @property
     def profile(self) -> Profile:
@@ -123,12 +123,12 @@ class Decoder:
         frames = framer.feed(data, now)
         unasked = True
         for frame in frames:
-            self._kind = ""
+            self._whole = False
             if isinstance(frame, Refused):
                 readings.append(frame)
             else:
                 readings.extend(self._decode(frame, now, name))
-            unasked = unasked and self._kind == "record"
+            unasked = unasked and self._whole
         if self._poller is not None and frames:
             between = all(one.between for one in self._framers.values())
             self._poller.records_came(unasked=unasked and between)
@@ -321,7 +321,7 @@ class Decoder:
             return [*self._notes, *readings]
         except RefusedError as refusal:
             self._framers[link].lose_sync()
-            self._kind = ""
+            self._whole = False
             return [*self._notes, *self._refuse(frame, str(refusal))]
 
     def _refuse(self, frame: bytes, reason: str) -> list[Reading]:
@@ -332,7 +332,6 @@ class Decoder:
         self, record: RecordFormat, match: re.Match[bytes], frame: bytes, now: float, link: str
     ) -> list[Reading]:
         self._understood_records[link] += 1
-        self._kind = record.kind
         answered = self._answered(link, now) if record.kind == "position" else None
         if record.kind == "ignore":
             return []
@@ -354,6 +353,7 @@ class Decoder:
             return [InPosition(place)]
         if record.kind == "record":
             if values:
+                self._whole = True
                 if self._jumps is not None:
                     self._jumps.check(values, now)
                 made = Record(self._reading(values), switch, number)

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 
 import pytest
@@ -120,6 +121,29 @@ def test_a_record_is_confirmed_by_an_answer_that_is_asked_for_at_once():
     assert wait(record + b"P ") == pytest.approx(0.02)
     assert wait(lines(b"P " + HERE, record[:-1])) == pytest.approx(0.02)
     assert wait(lines(b"P " + HERE), record[:-2] + b"x\n") == pytest.approx(0.02)
+
+
+def test_after_a_bare_press_the_line_must_be_quiet():
+    """Else an answer that comes twice answers the request after the press: the place before it."""
+    pattern = re.compile(rb"^R (?P<number>\d{1,6}) (?P<switch>[1-9])$")
+    bare = replace(ASCII.records["pressed"], pattern=pattern, send=None)
+    axes = {
+        name: replace(axis, records=tuple(one for one in axis.records if one != "pressed"))
+        for name, axis in ASCII.axes.items()
+    }
+    decoder = Decoder(replace(ASCII, records={**ASCII.records, "pressed": bare}, axes=axes))
+    poller = decoder.poller
+    assert poller is not None
+    poller.begin(0.0)
+    decoder.sent(b"?\n", now=0.0)
+    assert decoder.feed(lines(b"P " + HERE), 0.02) == [PLACE]
+    assert decoder.feed(lines(b"R 1 1"), 0.0205) == []
+    poller.urge()
+    assert poller.wait(0.0205) == pytest.approx(0.02)
+    refused, again = decoder.feed(lines(b"P " + HERE), 0.0235)
+    assert again == PLACE
+    assert refused == Refused(b"", "pedal was not recorded: a position came that was not asked for")
+    assert poller.wait(0.0235) == pytest.approx(0.02)
 
 
 def test_a_number_counts_even_when_its_record_is_refused():
