@@ -17,7 +17,8 @@ from anaplot.bundle.solve.additional import additional_parameters
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.problem import Datum, make_problem
 from anaplot.bundle.start.halfrays import half_seen
-from anaplot.photogrammetry.block import Block, ControlPoint, Use
+from anaplot.photogrammetry.block import Block, ControlPoint, ControlUse, Use
+from anaplot.photogrammetry.objectconditions import ObjectCondition
 
 REASON = "has rays of which x or y is off, and the rest does not meet before its photos"
 HALVES: tuple[Use, Use] = ("x", "y")
@@ -131,6 +132,19 @@ def test_points_that_something_else_holds_are_not_in_doubt() -> None:
     held = replace(block, control=(*block.control, height))
     assert not half_seen(make_problem(held)).any()
     assert not left(adjust_block(held))
+
+
+@pytest.mark.parametrize(("use", "holds"), [("control", True), ("check", False), ("off", False)])
+def test_what_is_only_compared_holds_no_point(use: ControlUse, holds: bool) -> None:
+    block, (name,), _ = halved(scene().block, 1)
+    others = [row.point for row in block.control[:2]]
+    along = ObjectCondition("line", (others[0], name, others[1]), None, 0.2, use)
+    problem = make_problem(replace(block, conditions=(along,)))
+    assert half_seen(problem).any() == (not holds)
+    x, y, z = scene().points[name].tolist()
+    full = ControlPoint(name, (x, y, z), (0.05,) * 3, use)
+    problem = make_problem(replace(block, control=(*block.control, full)))
+    assert half_seen(problem).any() == (not holds)
 
 
 def test_a_gross_error_is_found_beside_them() -> None:

@@ -53,7 +53,8 @@ def by_rays_alone(problem: Problem) -> Bools:
     out: Bools = ~np.asarray(held.any(axis=1))
     if problem.given is not None:
         out &= ~problem.given.points_given(len(out))
-    named = {name for one in problem.block.conditions for name in one.points}
+    observed = (one for one in problem.block.conditions if one.use == "control")
+    named = {name for one in observed for name in one.points}
     if named:
         out &= np.array([name not in named for name in problem.points])
     return out
