@@ -12,8 +12,9 @@ from gnssblocks import flown
 
 from anaplot.bundle.solve import gaussnewton
 from anaplot.bundle.solve.additional import additional_parameters
-from anaplot.bundle.solve.gaussnewton import Minimum, find_minimum
+from anaplot.bundle.solve.gaussnewton import Minimum, NoConvergenceError, find_minimum
 from anaplot.bundle.solve.imaging import BlockState
+from anaplot.bundle.solve.linearised import rounding
 from anaplot.bundle.solve.normal import NormalEquations
 from anaplot.bundle.solve.problem import Problem, make_problem
 from anaplot.bundle.solve.reliability import compute_cofactors
@@ -71,6 +72,13 @@ def found_with(monkeypatch, case, close: float, nearer: float) -> tuple[Minimum,
         return find_minimum(problem, start, make_structure(problem, start.centres)), made
 
 
+def left_at(found: Minimum) -> float:
+    """Squared change of the residuals in the step that the equations of the minimum lead to."""
+    dx = found.normal.step(found.factor)
+    pairs = zip(found.normal.own_gradient, dx, strict=True)
+    return sum(float(np.vdot(side, of)) for side, of in pairs)
+
+
 @pytest.mark.parametrize("name", CASES)
 def test_the_minimum_is_the_same_with_fewer_factors(monkeypatch, name: str) -> None:
     case = case_of(name)
@@ -86,11 +94,49 @@ def test_the_minimum_is_the_same_with_fewer_factors(monkeypatch, name: str) -> N
         q, other = (compute_cofactors(of.normal, of.factor) for of in (one, every))
         np.testing.assert_allclose(q.r, other.r, atol=1e-9)
         # the equations are those at the minimum itself: their step leads nowhere
-        dx = one.normal.step(one.factor)
-        left = sum(
-            float(np.vdot(side, of)) for side, of in zip(one.normal.own_gradient, dx, strict=True)
-        )
-        assert abs(left) < 1e-14 * case[0].observations
+        assert abs(left_at(one)) < 1e-14 * case[0].observations
+
+
+@pytest.mark.parametrize(
+    ("control_sigma", "sigma_um", "shift", "height"),
+    [(1e-7, 5000.0, 3.0, 100.0), (1e-9, 5000.0, 3.0, -200.0), (1e-9, 300.0, 0.1, 100.0)],
+)
+def test_a_point_that_hardly_weighs_is_at_its_minimum_too(
+    control_sigma: float, sigma_um: float, shift: float, height: float
+) -> None:
+    """What it moves by hides behind rays that weigh more, and behind the rounding of control."""
+    scene = aerial(2, 5, per_base=1, noise_um=5.0, control_sigma=control_sigma)
+    control = {row.point for row in scene.block.control}
+    weak = next(row.point for row in scene.block.image_points if row.point not in control)
+    others = [row for row in scene.block.image_points if row.point != weak]
+    two = [row for row in scene.block.image_points if row.point == weak][:2]
+    scene = scene.with_rows([*others, *(replace(row, sigma_um=sigma_um) for row in two)])
+    problem = make_problem(scene.block)
+    start = scene.start(problem, np.random.default_rng(1), shift, 1e-3 * shift)
+    start.points[problem.points.index(weak), 2] += height
+    found = find_minimum(problem, start, make_structure(problem, start.centres))
+    noise = rounding(problem, found.state, found.normal.linear.depth)
+    left = left_at(found)
+    assert left <= max(1e-13 * problem.observations, noise)
+    # no unknown is off by more than the root of it, of its own standard deviation
+    assert left <= 1e-12 * problem.observations
+
+
+def test_steps_with_an_earlier_factor_are_told_and_counted(monkeypatch) -> None:
+    problem, start = case_of("control")
+    structure = make_structure(problem, start.centres)
+    told: list[str] = []
+    found = find_minimum(problem, start, structure, progress=lambda what, _: told.append(what))
+    steps = found.convergence.iterations
+    named = [what for what in told if what.startswith("iteration")]
+    assert set(named) >= {f"iteration {k + 1}" for k in range(steps)}
+    _, made = found_with(monkeypatch, (problem, start), gaussnewton._CLOSE, gaussnewton._NEARER)
+    assert made - 1 < steps  # the last equations are those of the minimum
+    few = find_minimum(problem, start, structure, tries=made - 1)
+    assert few.convergence == found.convergence
+    monkeypatch.setattr(gaussnewton, "MAX_ITERATIONS", steps - 1)
+    with pytest.raises(NoConvergenceError, match=f"in {steps - 1} steps"):
+        find_minimum(problem, start, structure)
 
 
 def test_conditions_between_points_take_full_steps(monkeypatch) -> None:

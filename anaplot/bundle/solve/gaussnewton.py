@@ -42,6 +42,7 @@ MAX_ITERATIONS = 200
 _CONVERGED = 1e-13  # of n: squared change of the whitened residuals in the last step
 _CLOSE = 10.0  # of n: the same of a full step whose factor may serve again
 _NEARER = 5e-3  # of the change before: where more is left, an earlier factor serves no longer
+_LEFT = 1e-16  # of n: squared change that may be left where steps with an earlier factor end
 _LEAST = 1e-9  # damping below which there is none
 _FADE = 0.1  # of the damping is left, at least, after a step as good as foreseen
 _STRAINED = 0.25  # of what was foreseen: a step that brings less has strained the points
@@ -129,14 +130,16 @@ def find_minimum(
     step brings much less than foreseen, the points are intersected again from its photos; where
     that does not help, damping grows, and it fades by the gain ratio as steps succeed (Nielsen
     1999, eq. 2.9). After a full step its factor serves for others, as long as they lead quickly
-    nearer: that costs a fifth of new equations and their factor.
+    nearer: that costs a fifth of new equations and their factor. Where they end, the equations of
+    that place say whether it is the minimum; else these lead on.
 
     Parameters
     ----------
     problem, start, structure
         The bundle, approximate values, and the structure of its normal equations.
     tries
-        Steps, also those taken back, after which the start is given up; None: as many as it takes.
+        Steps with equations of their own, also those taken back, after which the start is given
+        up; None: as many as it takes.
     firm
         Whether the observations are known to determine all where it begins, unless too few of them
         are left: nothing is sought then by damping that the first step leaves open.
@@ -161,8 +164,9 @@ def find_minimum(
     first, behind = value, int((depth <= 0.0).sum())
     tie = anchor(problem, state) if problem.defect else None
     weights = None if tie is None else tie.weights
-    damping, growth, accepted, damped = 0.0, 2.0, 0, 0
-    while accepted < MAX_ITERATIONS and (tries is None or accepted + damped < tries):
+    damping, growth, accepted, damped, again = 0.0, 2.0, 0, 0, 0
+    full = None  # a full step that is known already
+    while accepted < MAX_ITERATIONS and (tries is None or accepted - again + damped < tries):
         # what rounding does to the sum cannot be told from a step
         noise = rounding(problem, state, linear.depth)
         tolerance = max(_CONVERGED * problem.observations, noise)
@@ -172,7 +176,9 @@ def find_minimum(
             if progress is not None:
                 progress(f"iteration {accepted + 1}", 0.0)
             step = None  # its memory, before there is another
-            step = _step(problem, structure, linear, damping, weights, progress)
+            step, full = full, None
+            if step is None:
+                step = _step(problem, structure, linear, damping, weights, progress)
             if step is not None:
                 trial = rescaled(problem, move(problem, state, *step.dx))
                 new_value, depth = objective(problem, trial)
@@ -185,7 +191,7 @@ def find_minimum(
                 if downhill and (done or new_behind <= behind or damping > _BEHIND):
                     break
             damped += 1
-            if tries is not None and accepted + damped >= tries:
+            if tries is not None and accepted - again + damped >= tries:
                 raise NoConvergenceError(_ended(problem, value, accepted), state)
             if step is None and damping == 0.0:
                 open_here = True
@@ -198,19 +204,28 @@ def find_minimum(
         gain = fallen / _foreseen(problem, linear, step.dx) if damping and step.change else 1.0
         state, value, behind = trial, new_value, new_behind
         accepted += 1
-        settled = done and damping == 0.0
+        settled = by_full = done and damping == 0.0
         if not settled:
             linear = linearise(problem, state)
             if damping == 0.0 and step.change <= _CLOSE * problem.observations:
                 (state, linear, value, behind), steps, settled = _nearer(
-                    problem, step, _Place(state, linear, value, behind)
+                    problem, step, _Place(state, linear, value, behind), accepted, progress
                 )
-                accepted += steps
+                accepted, again = accepted + steps, again + steps
         if settled:
             del step, linear  # their memory, before there are others
             if problem.defect:
                 state = rescaled(problem, relocate(problem, start, state))
-            return _closed(problem, structure, state, accepted, damped, first)
+            found = _closed(problem, structure, state, accepted, damped, first)
+            if by_full:
+                return found
+            # a point that hardly weighs hides its slow steps from an earlier factor, not from this
+            linear, value = found.normal.linear, found.normal.linear.vtpv
+            full = _solved(found.normal, found.factor)
+            if full is not None and full.change <= _LEFT * problem.observations:
+                return found
+            del found  # its equations and their factor are those of the next full step
+            continue
         if open_here and damping < _HARDLY and fallen < _STANDS * value:
             # what nothing determines runs away, the farther the better: there is no minimum
             raise NoConvergenceError(str(_open_part(problem, structure, state)), state)
@@ -227,7 +242,9 @@ def _slack(value: float, noise: float) -> float:
     return 2.0 * sqrt(value * noise) + noise
 
 
-def _nearer(problem: Problem, step: _Step, place: _Place) -> tuple[_Place, int, bool]:
+def _nearer(
+    problem: Problem, step: _Step, place: _Place, accepted: int, progress: Progress | None
+) -> tuple[_Place, int, bool]:
     """Go nearer to the minimum with the factor of an earlier step (the simplified Newton method).
 
     As long as each step leaves little of what the one before has left (Deuflhard 2004, sect.
@@ -236,10 +253,12 @@ def _nearer(problem: Problem, step: _Step, place: _Place) -> tuple[_Place, int, 
     Returns
     -------
     place, int and bool
-        Where that ends, the steps, and whether it is the minimum.
+        Where that ends, the steps, and whether it seems to be the minimum.
     """
     change, steps = step.change, 0
-    while place.linear.conditions is None:
+    while place.linear.conditions is None and accepted + steps < MAX_ITERATIONS:
+        if progress is not None:
+            progress(f"iteration {accepted + steps + 1}", 0.0)
         # what holds exactly would need its multipliers at the minimum
         state, linear, value, behind = place
         sides = step.normal.gradient(linear, linear)
@@ -255,7 +274,7 @@ def _nearer(problem: Problem, step: _Step, place: _Place) -> tuple[_Place, int, 
             break
         place, steps = new, steps + 1
         if change**2 <= before * noise:
-            # what is left, foreseeably, is rounding
+            # what is left, as far as this factor can tell, is rounding
             return place, steps, True
     return place, steps, False
 
@@ -331,10 +350,16 @@ def _step(
         normal.offset_update(factor)
     except (NotPositiveError, PointError, OffsetsOpenError):
         return None
+    return _solved(normal, factor)
+
+
+def _solved(normal: NormalEquations, factor: Factor) -> _Step | None:
+    """Return the step that these equations lead to; None when it is not finite."""
     dx = normal.step(factor)
     change = _change(normal.own_gradient, dx)
-    if linear.conditions is not None:
-        change -= float(linear.conditions.e @ linear.conditions.effect(dx[1]).e)
+    conditions = normal.linear.conditions
+    if conditions is not None:
+        change -= float(conditions.e @ conditions.effect(dx[1]).e)
     if not change < float("inf"):
         return None
     return _Step(dx, max(change, 0.0), normal, factor)
