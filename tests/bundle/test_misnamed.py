@@ -6,8 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from bundleblocks import aerial
 
 from anaplot.bundle.adjust import adjust_block
+from anaplot.bundle.errors import misnamed
 from anaplot.bundle.errors.grosserrors import block_gross_errors
 from anaplot.bundle.errors.misnamed import MisnamedRay, misnamed_rays
 from anaplot.photogrammetry.block import Block
@@ -93,3 +95,53 @@ def test_rejected_control_hides_no_wrong_name() -> None:
     assert ("control", wrong.point, "Z") in {row.name for row in found.rejected}
     [ray] = found.misnamed
     assert (ray.photo, ray.interchanged) == ("203", True)
+
+
+def mistaken(seed: int, most_mm: float) -> Block:
+    """Fifteen photos; in five of them a ray was measured near another one, which is there too."""
+    block = aerial(3, 5, per_base=2, control_sigma=0.05, noise_um=5.0).block
+    rng, rows = np.random.default_rng(seed), list(block.image_points)
+    for photo in rng.choice([photo.id for photo in block.photos], 5, replace=False):
+        mine = [k for k, row in enumerate(rows) if row.photo == photo]
+        ray, other = rng.choice(mine, 2, replace=False).tolist()
+        dx, dy = rng.uniform(-most_mm, most_mm, 2).tolist()
+        rows[ray] = replace(rows[ray], x=rows[other].x + dx, y=rows[other].y + dy)
+    return replace(block, image_points=tuple(rows))
+
+
+def tried_names(block: Block, monkeypatch: pytest.MonkeyPatch):
+    """All names that rejected rays may have borne, those that other rays contradict as well."""
+    found = block_gross_errors(block, "search")
+    rays = misnamed._rejected_rays(found.block, [row.name for row in found.rejected])
+    monkeypatch.setattr(misnamed, "_ENOUGH", 99)
+    return found.block, rays, list(misnamed._candidates(found.block, list(rays)))
+
+
+@pytest.mark.slow
+def test_what_is_plainly_wrong_is_not_put_right_by_an_adjustment(monkeypatch) -> None:
+    block, rays, tried = tried_names(mistaken(1, 0.03), monkeypatch)
+    plain = [one for one in tried if misnamed._plainly_wrong(block, rays, one)]
+    assert len(plain) >= 4
+    assert all(misnamed._put_right(block, rays, one) is None for one in plain)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sigmas", [0.0, 2.0, 5.0])
+def test_an_exchange_does_what_is_foreseen_of_it(sigmas: float, monkeypatch) -> None:
+    block = renamed(measured(1), "203", {"03-03": "02-03", "02-03": "03-03"})
+    rows = list(block.image_points)
+    at = next(k for k, row in enumerate(rows) if (row.photo, row.point) == ("203", "02-03"))
+    rows[at] = replace(rows[at], y=rows[at].y + sigmas * 0.005)
+    block, rays, [right] = tried_names(replace(block, image_points=tuple(rows)), monkeypatch)
+    ended = []
+    real = misnamed.adjust_onward
+    monkeypatch.setattr(misnamed, "adjust_onward", lambda *of: ended.append(real(*of)) or ended[-1])
+    put_right = misnamed._put_right(block, rays, right)
+    [after], seen = ended, misnamed._foreseen(block, right)
+    growth = after.vtpv - block.vtpv
+    assert seen.growth == pytest.approx(growth, rel=0.01, abs=0.01)
+    mine = [np.flatnonzero(after.problem.source == row)[0] for row in right.rows]
+    size = np.abs(after.v[mine]) / np.sqrt(after.cofactors.r[mine])
+    assert np.abs(seen.w) == pytest.approx(size.ravel(), rel=0.02, abs=0.01)
+    if misnamed._plainly_wrong(block, rays, right):
+        assert put_right is None
