@@ -35,9 +35,10 @@ from anaplot.bundle.start.halfrays import (
     unchecked,
     without_doubtful,
 )
-from anaplot.bundle.start.pull import minimum_nearby
+from anaplot.bundle.start.pull import TORN, foreseen_torn, minimum_nearby, torn
 from anaplot.bundle.start.robust import (
     RobustState,
+    Waiting,
     no_minimum_error,
     robust_state,
     robust_suspects,
@@ -60,7 +61,8 @@ __all__ = [
 
 _FITS = 4.0  # sigma0 up to which a minimum is not held against others
 _SOFT = 1e-8  # pivot over diagonal below which a minimum may hang on rounding or noise
-_TORN = 50.0  # sigma0 above which a robust solution is asked for the culprit
+_TRIES = 40  # steps from a start that has waited and misses by far
+_CHANCE = 100  # rays up to which such a start may still lead there, by a long way round
 
 
 def adjust_block(
@@ -311,14 +313,20 @@ def _searched(
     ways = approximate_ways(problem)
     if first is not None:
         ways.insert(0, Way(lambda _: first))
-    waiting: list[tuple[float, BlockState]] = []
+    waiting: list[Waiting] = []
+    tried: RobustState | None = None  # the best from which everything was tried, if it orients
     while ways or waiting:
         # of those that have waited, the one from which most rays agree first
         new = bool(ways)
-        waiting.sort(key=lambda one: one[0])
+        waiting.sort(key=lambda one: one.rays_off)
         way = ways.pop(0) if new else None
+        known = None if new else waiting[0].solution
+        if known is not None and tried is not None and known.off >= tried.off:
+            # most photos are oriented by both, and no fewer rays are off
+            waiting.pop(0)
+            continue
         try:
-            start = way.find(progress) if way is not None else waiting.pop(0)[1]
+            start = way.find(progress) if way is not None else waiting.pop(0).start
             if start is None:
                 continue
             structure = make_structure(problem, start.centres)
@@ -330,15 +338,21 @@ def _searched(
         # what is not determined is so from every start
         check_datum(problem, start, linearise(problem, start))
         unsure = doubtful(problem, start)
+        hopeless = unsure and len(problem.photo) > _CHANCE
         if unsure and closest is not None and closest.solution.agrees(problem):
             # what misses by far cannot fit better
             continue
         wait = new and (bool(ways) or bool(waiting))
-        found = minimum(start, structure, way.tries if way is not None and wait else None)
+        if known is not None and foreseen_torn(problem, structure, known):
+            # gross errors alone keep it from fitting: what least squares make of them means nothing
+            tried = known
+            continue
+        tries = _TRIES if way is None else way.tries
+        found = minimum(start, structure, tries if wait or hopeless else None)
         if found is not None and _fits(problem, found):
             break
         if found is None and wait and unsure:
-            waiting.append((float("inf"), start))
+            waiting.append(Waiting(start, None))
             continue
         # no gross error is looked for where a lens that is unknown yet bends everything
         by_lens = None if found is None else _explained_by_lens(whole, found, progress)
@@ -355,13 +369,16 @@ def _searched(
             # two witnesses for the orientations: what does not fit, does so for another reason
             break
         if wait and not (solution is not None and solution.agrees(problem)):
-            waiting.append((float("inf") if solution is None else solution.rays_off, start))
+            waiting.append(Waiting(start, solution))
+            continue
+        if found is None and hopeless and solution is not None and solution.misleads(problem):
             continue
         if found is not None and not (solution and solution.explains(problem)):
             other = robust(found.state, structure)
             if solution is None or (other is not None and other.off < solution.off):
                 solution = other
-        if solution is not None and not _led_there(problem, solution, found):
+        in_vain = solution is not None and foreseen_torn(problem, structure, solution)
+        if solution is not None and not in_vain and not _led_there(problem, solution, found):
             found = minimum(solution.state, structure)
             if found is not None and _fits(problem, found):
                 break
@@ -383,11 +400,15 @@ def _searched(
         missed = best is None and solution is not None and solution.control_off > 0
         if explained and not missed:
             break
-    if best is not None and not (closest and _torn(problem, best, closest.solution)):
+        if solution is not None and solution.orients(problem):
+            tried = solution
+    if best is not None and not (
+        closest and torn(problem, best.convergence.last, closest.solution)
+    ):
         seen_from = None if closest is None else closest.solution.state
         _check_minimum(problem, best, seen_from)
         return best, seen_from, None
-    if closest is not None:
+    if closest is not None and not (failure and closest.solution.misleads(problem)):
         return *_led_to(problem, closest, reached, progress), None
     if failure is None:
         failure = NotComputableError(
@@ -395,15 +416,6 @@ def _searched(
             "contradict each other"
         )
     raise failure
-
-
-def _torn(problem: Problem, found: Minimum, solution: RobustState) -> bool:
-    """Whether a minimum fits so badly that it may mean nothing for the block.
-
-    Where sigmas are too small, it does not: it is compared with what most measurements are off.
-    """
-    scale = max(solution.misfit / float(np.median(problem.sigma)), 1.0)
-    return found.convergence.last > (_TORN * scale) ** 2 * max(problem.redundancy, 1)
 
 
 def _led_to(
@@ -573,7 +585,7 @@ def _warnings(
     out += stated_remarks(problem, found.state)
     if problem.redundancy == 0:
         out.append("no redundancy: nothing is checked")
-    if sigma0 is not None and sigma0 > _TORN:
+    if sigma0 is not None and sigma0 > TORN:
         worst = robust_suspects(
             problem, found.normal.structure, found.state if robust is None else robust
         )

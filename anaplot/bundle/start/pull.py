@@ -16,9 +16,22 @@ from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.linearised import linearise, move
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.structure import Structure
+from anaplot.bundle.start.robust import RobustState
 
-__all__ = ["MOST_TURNED", "full_step", "minimum_nearby", "turn_cosines", "turned"]
+__all__ = [
+    "MOST_TURNED",
+    "TORN",
+    "foreseen_torn",
+    "full_step",
+    "minimum_nearby",
+    "torn",
+    "turn_cosines",
+    "turned",
+]
 
+
+TORN = 50.0
+"""sigma0 above which a robust solution is asked for the culprit."""
 
 MOST_TURNED = 0.35
 """What a photo or ray may turn [rad]: blocks that converge directly stay below 0.27 in our tests;
@@ -57,6 +70,36 @@ def full_step(problem: Problem, structure: Structure, state: BlockState) -> Bloc
     weights = None if tie is None else tie.weights
     step = damped_step(problem, structure, linearise(problem, state), 0.0, weights, None)
     return None if step is None else move(problem, state, *step[0])
+
+
+def foreseen_torn(problem: Problem, structure: Structure, solution: RobustState) -> bool:
+    """Whether the orientations are right, and gross errors tear every minimum near them."""
+    return (
+        solution.control_off == 0
+        and solution.orients(problem)
+        and torn(problem, _foreseen(problem, structure, solution.state), solution)
+    )
+
+
+def torn(problem: Problem, least: float, solution: RobustState) -> bool:
+    """Whether a minimum, by its v'Pv, fits so badly that it may mean nothing for the block.
+
+    Where sigmas are too small, it does not: it is compared with what most measurements are off.
+    """
+    scale = max(solution.misfit / float(np.median(problem.sigma)), 1.0)
+    return least > (TORN * scale) ** 2 * max(problem.redundancy, 1)
+
+
+def _foreseen(problem: Problem, structure: Structure, state: BlockState) -> float:
+    """Return v'Pv after the step without damping, if the observations were linear.
+
+    Infinite where the step cannot be solved for.
+    """
+    tie = anchor(problem, state) if problem.defect else None
+    weights = None if tie is None else tie.weights
+    linear = linearise(problem, state)
+    step = damped_step(problem, structure, linear, 0.0, weights, None)
+    return float("inf") if step is None else linear.vtpv - step[1]
 
 
 def minimum_nearby(

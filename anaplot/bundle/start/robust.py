@@ -25,6 +25,7 @@ __all__ = [
     "FarOff",
     "RobustState",
     "RobustSuspect",
+    "Waiting",
     "far_off",
     "no_minimum_error",
     "reoriented",
@@ -40,6 +41,8 @@ _RESECTED = 30  # photos that are resected at most when a culprit is looked for
 _OFF = 20.0  # sigmas by which a ray or control is off
 _FEW = 200  # rays of which one may be off in any case
 _OF_A_PHOTO = 0.25  # than this share of its rays off
+_TRUE = 1e-3  # of c: right orientations miss by less, in the median
+_WRONG = 0.45  # share of its rays off that a photo of a wrong solution has, at least
 _AGREE = 0.1  # of the redundancy: coordinates that may be off where all others agree
 _FAR = 10.0  # times what measurements are off in the median: so far off is a suspect
 
@@ -297,6 +300,18 @@ class RobustState(NamedTuple):
             return True
         return self.most_off <= _OF_A_PHOTO and self.agrees(problem)
 
+    def orients(self, problem: Problem) -> bool:
+        """Whether the photos are oriented rightly, however many rays are wrong.
+
+        Of no photo many rays are off then (.08 to .21 in our tests), and the others fit well. Few
+        that fit well do not do: wrong photos may, by the rest of their rays.
+        """
+        return self.most_off <= _OF_A_PHOTO and self.misfit <= _TRUE * float(np.median(problem.c))
+
+    def misleads(self, problem: Problem) -> bool:
+        """Whether some photos are oriented wrongly, and the others do not fit either."""
+        return self.most_off > _WRONG and self.misfit > _TRUE * float(np.median(problem.c))
+
     def agrees(self, problem: Problem) -> bool:
         """Whether nearly all rays fit, wherever the others are."""
         return 2 * self.rays_off <= _AGREE * problem.redundancy
@@ -305,6 +320,26 @@ class RobustState(NamedTuple):
     def off(self) -> tuple[int, int]:
         """How many rays and how many control points are off."""
         return self.rays_off, self.control_off
+
+
+class Waiting(NamedTuple):
+    """Approximate values that wait for the other ways.
+
+    Attributes
+    ----------
+    start
+        The values.
+    solution
+        Their robust solution, where it is known.
+    """
+
+    start: BlockState
+    solution: RobustState | None
+
+    @property
+    def rays_off(self) -> float:
+        """How many rays are off; infinite where that is not known."""
+        return float("inf") if self.solution is None else self.solution.rays_off
 
 
 def robust_state(
