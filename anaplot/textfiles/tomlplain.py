@@ -20,8 +20,10 @@ _ONE = rf"(?:{_TEXT}|{_NUMBER})"
 _LIST = rf"\[{_ONE}(?:, {_ONE})*+\]"
 _INLINE = rf"\{{ {_KEY} = {_ONE}(?:, {_KEY} = {_ONE})*+ \}}"
 _LINES = rf"(?:{_KEY} = (?:{_ONE}|{_LIST}|{_INLINE})\n)++"
-_HEADER = re.compile(rf"\[\[({_KEY})\]\]\n")
-_NAMED = re.compile(rf"({_KEY}) = ")
+# these names alone: of names that a text chooses each would be a pass of its own
+_HEADER = re.compile(r"\[\[(photo|strip)\]\]\n")
+# not looked for at every letter of a long text
+_NAMED = re.compile(rf"(?<![A-Za-z0-9_-])({_KEY}) = ")
 
 
 class PlainTables(NamedTuple):
@@ -43,7 +45,7 @@ class PlainTables(NamedTuple):
 
 
 def plain_tables(text: str) -> PlainTables | None:
-    """Return the tables [[name]] with which a text ends, where all of them are plain; else None.
+    """Return the photos or strips with which a text ends, where all of them are plain; else None.
 
     What is before is left to be parsed: where that is TOML by itself, and has nothing of the name,
     both together are what the whole text says.

@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from anaplot.errors import InputError
-from anaplot.textfiles.tomlplain import plain_tables
+from anaplot.textfiles import tomlplain, tomlvalues
+from anaplot.textfiles.tomlplain import PlainTables, plain_tables
 from anaplot.textfiles.tomltable import parse_toml
 from anaplot.textfiles.tomlvalues import TomlError, toml_values
 
@@ -65,6 +66,27 @@ def test_what_programs_write_is_plain() -> None:
     before = plain_tables(found.before)
     assert before is not None
     assert (before.name, before.before) == ("strip", "format = 1\n\n")
+
+
+def test_many_names_of_tables_are_no_passes_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    read: list[int] = []
+
+    def counted(text: str) -> PlainTables | None:
+        read.append(len(text))
+        return plain_tables(text)
+
+    monkeypatch.setattr(tomlvalues, "plain_tables", counted)
+    others = "".join(f"[[a{k}]]\nb = {k}\n" for k in range(100))
+    for end in ("", '[[photo]]\nid = "1"\n[[strip]]\nid = "1"\n'):
+        read.clear()
+        assert toml_values(others + end) == tomllib.loads(others + end)
+        assert 1 <= len(read) <= 3
+
+
+def test_a_key_is_looked_for_where_a_word_begins_alone() -> None:
+    # else a text of n letters would be gone through n times
+    assert tomlplain._NAMED.match("photo = ", 0) is not None
+    assert not any(tomlplain._NAMED.match("photo-1 = ", k) for k in range(1, 7))
 
 
 @pytest.mark.parametrize(
