@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
+from functools import partial
 from itertools import repeat
 from operator import attrgetter
 from typing import Any, Generic, Literal, TypeVar, cast, overload
 
 import numpy as np
+from numpy.typing import NDArray
 
 from anaplot.aliases import Array, Bools, Index
 
@@ -107,11 +109,17 @@ class Coded(Generic[T]):
     values
         The values.
     index
-        (n,) where in `values` that of each row stands.
+        (n,) where in `values` that of each row stands; it cannot be written into.
     """
 
     values: tuple[T, ...]
     index: Index
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "index", _fixed(self.index))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Coded, (self.values, self.index)  # a copy is fixed again
 
     @classmethod
     def of(cls, column: Sequence[T]) -> Coded[T]:
@@ -175,7 +183,7 @@ class Coded(Generic[T]):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PointColumns:
-    """Image points by columns, as `ImagePoint` has them.
+    """Image points by columns, as `ImagePoint` has them; none can be written into.
 
     Attributes
     ----------
@@ -199,6 +207,16 @@ class PointColumns:
     use: Coded[Use]
     reason: Coded[str | None]
     measured: Array | None = None
+
+    def __post_init__(self) -> None:
+        put = partial(object.__setattr__, self)
+        put("xy", _fixed(self.xy))
+        for name, column in (("sigma_um", self.sigma_um), ("measured", self.measured)):
+            if column is not None:
+                put(name, None if np.isnan(column).all() else _fixed(column))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return PointColumns, tuple(getattr(self, each.name) for each in fields(self))
 
     def __len__(self) -> int:
         return len(self.xy)
@@ -308,12 +326,11 @@ def read_columns(
         Model, use and reason; None as use is "xy".
     """
     model, use, reason = beside
-    sigma = np.array(sigma_um, dtype=np.float64)
     return PointColumns(
         photo,
         point,
         xy,
-        None if np.isnan(sigma).all() else sigma,
+        np.array(sigma_um, dtype=np.float64),
         model,
         use.each(lambda one: one or "xy"),
         reason,
@@ -372,6 +389,13 @@ def sigma_column(stated: Sequence[float | None]) -> Array | None:
     return np.array(given, dtype=np.float64)
 
 
+def _fixed(column: NDArray[Any]) -> NDArray[Any]:
+    """Return an array that cannot be written into; whoever gave it goes on writing into theirs."""
+    view = column.view()
+    view.setflags(write=False)
+    return view
+
+
 def _pairs(measured: Array) -> list[tuple[float, float] | None]:
     pairs: list[tuple[float, float] | None] = list(
         zip(*(axis.tolist() for axis in measured.T), strict=True)
@@ -393,15 +417,26 @@ class ImagePoints(Sequence[ImagePoint]):
         The rows.
     columns
         Or their columns.
+
+    Raises
+    ------
+    TypeError
+        What is given as rows is no sequence of `ImagePoint`.
     """
 
     __slots__ = ("_columns", "_rows")
 
     def __init__(
-        self, rows: Iterable[ImagePoint] | None = None, columns: PointColumns | None = None
+        self, rows: Iterable[ImagePoint] = (), columns: PointColumns | None = None
     ) -> None:
-        self._rows = tuple(rows or ()) if columns is None else None
+        self._rows = tuple(rows) if columns is None else None
         self._columns = columns
+        for kind in set(map(type, self._rows or ())):
+            if not issubclass(kind, ImagePoint):
+                raise TypeError(f"a row of image points is an ImagePoint, not {kind.__name__}")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return ImagePoints, ((), self._columns) if self._rows is None else (self._rows,)
 
     @property
     def columns(self) -> PointColumns:

@@ -70,8 +70,10 @@ def test_rows_come_back_from_columns(rows: list[ImagePoint]) -> None:
 @given(ROWS)
 def test_copies_are_equal_however_they_are_kept(rows: list[ImagePoint]) -> None:
     for points in (ImagePoints(rows), by_columns(rows)):
-        for copy in (pickle.loads(pickle.dumps(points)), deepcopy(points)):
+        copies = [pickle.loads(pickle.dumps(points, k)) for k in range(6)]
+        for copy in (*copies, deepcopy(points)):
             assert copy == points
+            assert not columns_of(copy).xy.flags.writeable
             assert [row.measured for row in copy] == [row.measured for row in rows]
 
 
@@ -154,3 +156,41 @@ def test_a_sigma_that_is_none_is_not_the_default() -> None:
     assert sigma[0] <= 0.0
     assert math.isnan(sigma[1])
     assert sigma[2] == 3.0
+
+
+def test_columns_that_state_nothing_are_none() -> None:
+    # so that "some row states one" is true of every column that is there
+    rows = [ImagePoint("1", str(k), 0.0, 0.0) for k in range(3)]
+    stated = PointColumns.of_rows([*rows, replace(rows[0], sigma_um=5.0, measured=(1.0, 2.0))])
+    assert stated.sigma_um is not None
+    assert stated.measured is not None
+    nothing = (np.full(3, math.nan), np.full((3, 2), math.nan))
+    given = replace(PointColumns.of_rows(rows), sigma_um=nothing[0], measured=nothing[1])
+    for columns in (given, stated.of(np.arange(3))):
+        assert columns.sigma_um is None
+        assert columns.measured is None
+        assert samples(columns) == [0]
+        assert columns.rows() == tuple(rows)
+
+
+def test_no_column_of_a_block_can_be_written_into() -> None:
+    rows = [ImagePoint("1", str(k), 1.0, 2.0, 5.0, measured=(3.0, 4.0)) for k in range(3)]
+    columns = columns_of(rows)
+    ours = columns.xy.copy()
+    outside = replace(columns, xy=ours)
+    codes = [each.photo for each in (columns, columns.of(np.array([0, 2])))]
+    codes += [columns.point, columns.model, columns.use, columns.reason]
+    codes += [columns.photo.put({1: "2"}), Coded.read((("1",), [0])), Coded.same("1", 2)]
+    arrays = [columns.xy, outside.xy, columns.sigma_um, columns.measured]
+    for array in (*arrays, *(column.index for column in codes)):
+        assert array is not None
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 0
+    ours[0] = 9.0  # an array that was given stays its owner's
+
+
+@pytest.mark.parametrize("rows", [None, 3, [None], [ImagePoint("1", "a", 1.0, 2.0), ("1", "b")]])
+def test_what_is_no_sequence_of_rows_is_refused_at_once(rows: object) -> None:
+    block = Block("b", Precision(), TestSettings(), (), (), ())
+    with pytest.raises(TypeError):
+        replace(block, image_points=rows)  # type: ignore[arg-type]

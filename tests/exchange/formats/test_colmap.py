@@ -29,6 +29,7 @@ from anaplot.exchange.formats.colmapcamera import (
 )
 from anaplot.exchange.formats.door import ImportOptions
 from anaplot.exchange.formats.measuredrays import TWICE
+from anaplot.exchange.imagepointscsv import format_image_points
 from anaplot.exchange.importedfolder import write_imported
 from anaplot.photogrammetry.block import (
     Block,
@@ -221,6 +222,18 @@ def test_a_fisheye_becomes_a_pinhole_and_what_it_sees_beside_is_told(tmp_path: P
     told = notes_of(found)
     assert sum(count or 0 for text, count in told.items() if "80 degrees" in text) == 2
     assert any("corrected to pixels of a pinhole" in text for text in told)
+
+
+def test_a_fisheye_that_sees_nothing_within_reach_leaves_no_sigmas(tmp_path: Path) -> None:
+    made = sample(photos=3)
+    wide = made.images[0]
+    made.cameras[99] = (14, 1000, 800, (200.0, 500.0, 400.0))
+    wide.camera, wide.features = 99, [(10.0, 10.0, number) for _, _, number in wide.features]
+    found = colmap.read(made.write(tmp_path), PLAIN)
+    lost = [count for text, count in notes_of(found).items() if "80 degrees" in text]
+    assert lost == [sum(number is not None for _, _, number in wide.features)]
+    assert wide.name not in {row.photo for row in found.block.image_points}
+    assert "sigma_um" not in format_image_points(found.block.image_points, found.block)
 
 
 def wide_fisheye(rng: np.random.Generator) -> Sample:
