@@ -184,3 +184,25 @@ def test_errors_that_hide_behind_an_estimated_sigma_are_not_called_good():
     assert not model.flagged
     (sentence,) = diagnose(model).advice
     assert "times its a-priori value" in sentence
+
+
+def test_with_one_redundancy_rounding_does_not_say_what_is_advised():
+    f = fly(12, noise=0.005, relief=0.1, tilt=10.0, kappa=60.0)
+    x, y = f.images[2]["1a"]
+    f.images[2]["1a"] = (x, y + 0.06)
+    exact = replace(PROPAGATED, tie_variance="exact")
+    points = ["1a", "1c", "2a", "2b", "2c"]
+    said = set()
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        images = [
+            {p: tuple(np.multiply(xy, 1.0 + 1e-15 * rng.integers(-2, 3, 2) * (seed > 0)).tolist())
+             for p, xy in image.items()}
+            for image in f.images
+        ]  # fmt: skip
+        measured = replace(f, images=images)
+        first = orient(pair_of(measured, 0), exact, BAARDA)
+        model = orient(pair_of(measured, 1, first, points=points), exact, BAARDA)
+        assert model.redundancy == 1
+        said.add(diagnose(model).advice)
+    assert len(said) == 1
