@@ -50,6 +50,7 @@ __all__ = [
 _MOST = 30  # rows of a list in the text; JSON holds them all
 _ODDS = 0.01  # smallest probability shown
 _BUT_HELD = " but those rejected before"
+_FAR = "its ray misses the point by more than a twentieth of the principal distance"
 
 
 def clean_block(
@@ -123,14 +124,13 @@ def errors_document(cleaned: BlockFindings) -> Document:
     """
     found, settings = cleaned.findings, cleaned.settings
     rejected = cleaned.rejected
-    many = "1 observation is" if len(rejected) == 1 else f"{len(rejected)} observations are"
     page: list[Block] = [
         say("GROSS ERRORS ({})", found.strategy).of("heading"),
         say(
             "  alpha {:g}, {}; {} rejected after {}",
             settings.alpha,
             _critical(cleaned),
-            many,
+            _how_many(cleaned),
             counted(len(cleaned.passes), "pass", "passes"),
         ),
         *_before_and_after(cleaned),
@@ -141,7 +141,7 @@ def errors_document(cleaned: BlockFindings) -> Document:
             say("  ORDER  {:<{width}}       ERROR     SIGMA           w   RED-N  BECAUSE",
                 "OBSERVATION", width=width)
         )  # fmt: skip
-        lines = tuple(_rejected_line(row, width, found.strategy) for row in rejected)
+        lines = tuple(_rejected_line(row, width, found.strategy, cleaned.far) for row in rejected)
         page.append(Listed(lines, MOST_ROWS, "  and {} more"))
         page += change_lines(cleaned.point_change, "on the ground", "m", indent=2)
     elif not cleaned.points:
@@ -170,6 +170,15 @@ def errors_document(cleaned: BlockFindings) -> Document:
         page.append(say("  {}", model_values_line(found.model_values)))
     page += [say("  note: {}", remark).of("remark") for remark in cleaned.remarks]
     return Document(_json(cleaned), tuple(page), (rejected_table(rejected),))
+
+
+def _how_many(cleaned: BlockFindings) -> str:
+    """Count what is out, with the verb."""
+    rejected, points = len(cleaned.rejected), len(cleaned.points)
+    if not points:
+        return f"{counted(rejected, 'observation')} {'is' if rejected == 1 else 'are'}"
+    rays = counted(len(cleaned.rays_of_points), "ray")
+    return f"{counted(rejected, 'observation')} and {counted(points, 'point')} with {rays} are"
 
 
 def _misnamed(ray: MisnamedRay) -> Line:
@@ -263,7 +272,12 @@ def _before_and_after(cleaned: BlockFindings) -> list[Block]:
     ]
 
 
-def _rejected_line(row: Rejection[ObservationName], width: int, strategy: str) -> Line:
+def _rejected_line(
+    row: Rejection[ObservationName],
+    width: int,
+    strategy: str,
+    far: frozenset[ObservationName] = frozenset(),
+) -> Line:
     scale, unit = SHOWN_UNITS[row.unit]
     error = None if row.error is None else row.error * scale
     sigma = None if row.sigma is None else row.sigma * scale
@@ -276,7 +290,7 @@ def _rejected_line(row: Rejection[ObservationName], width: int, strategy: str) -
                 say("{} {:.2f} above {:.2f}", _measure(strategy), row.statistic, row.critical)
             )
     elif row.order == 0:
-        ends.append(say("no solution is found with it"))
+        ends.append(say(_FAR if row.name in far else "no solution is found with it"))
     if row.weight is not None:
         ends.append(say(", weight {:.2g}", row.weight))
     if row.partners:
@@ -350,7 +364,8 @@ def _but(cleaned: BlockFindings) -> str:
     """Say which observations the search has not looked at."""
     if not cleaned.kept_out:
         return _BUT_HELD if cleaned.held else ""
-    return (f"{_BUT_HELD} and" if cleaned.held else " but") + " those no solution is found with"
+    before = f"{_BUT_HELD} and" if cleaned.held else " but"
+    return f"{before} those out from the beginning"
 
 
 def _listed(title: str | Line, lines: list[Line]) -> list[Block]:

@@ -18,6 +18,8 @@ from anaplot.exchange.blockfolder import (
     write_new_block,
 )
 from anaplot.photogrammetry.block import Block
+from anaplot.report.adjusterrors import errors_document
+from anaplot.report.astext import page_text
 
 ALPHA = SearchSettings(alpha=0.001)
 
@@ -64,6 +66,10 @@ def test_far_mismatches_are_out_from_the_beginning_and_told_with_their_size() ->
     # all but the one at control, which is tested like all else
     assert len(wrong - {name[1:3] for name in found.kept_out}) == 1
     assert {name[1:3] for name in found.kept_out} <= wrong
+    assert found.kept_out == found.far
+    page = page_text(errors_document(found).page, everything=True)
+    assert page.count("more than a twentieth of the principal distance") == len(found.far)
+    assert "no solution is found" not in page
     for row in found.rejected:
         if row.name in found.kept_out:
             assert row.order == 0
@@ -84,6 +90,8 @@ def test_what_is_left_out_is_said_and_applied(tmp_path: Path, capsys: pytest.Cap
     (point,) = found.to_dict()["errors"]["points_left_out"]
     assert f"point {point} is left out: it has rays far apart" in found.text()
     assert "left out with all rays" in found.text()
+    many = len(found.to_dict()["errors"]["rejected"])
+    assert f"{many} observations and 1 point with 2 rays are rejected after" in found.text()
     assert point in {one["name"] for one in found.to_dict()["left_out"]}
     assert main(["adjust", str(folder), "--errors", "baarda", "--apply"]) == 0
     assert "switched off" in capsys.readouterr().out

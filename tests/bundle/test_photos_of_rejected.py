@@ -46,6 +46,15 @@ def test_two_rays_of_one_photo_are_an_interchange() -> None:
     assert lost(5) == ["204"]
 
 
+def test_rays_that_are_out_with_their_points_are_lost_as_well() -> None:
+    problem = make_problem(planned(3, strips=3, sidelap=0.6))
+    mine = int((problem.photo == problem.photos.index("204")).sum())
+    assert losses_of_photos(problem, [], ["204", "204", "elsewhere"]) == []
+    (loss,) = losses_of_photos(problem, [], ["204"] * 6)
+    assert (loss.photo, loss.lost, loss.rays) == ("204", 6, mine + 6)
+    assert (loss.others_lost, loss.others) == (0, len(problem.photo) - mine)
+
+
 @pytest.mark.slow
 def test_a_photo_of_which_a_part_is_shifted_is_named() -> None:
     block = planned(3, strips=3, sidelap=0.6)

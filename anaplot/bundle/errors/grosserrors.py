@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cached_property
 from math import sqrt
 from typing import NamedTuple, cast
 
@@ -53,6 +54,7 @@ from anaplot.bundle.solve.structure import make_structure
 from anaplot.bundle.start.robust import robust_state
 from anaplot.errors import InputError
 from anaplot.photogrammetry.block import Block
+from anaplot.photogrammetry.imagepoints import columns_of
 from anaplot.photogrammetry.pointchange import PointChange, point_change
 
 __all__ = [
@@ -87,6 +89,9 @@ class BlockFindings(Cleaned[BlockPlace, ObservationName, BlockResiduals]):
         Observations that were rejected before and that it did not look at.
     misnamed
         Rays with rejected coordinates that only bear the name of another point.
+    far
+        Image coordinates of rays that miss their points by so much that they were taken for other
+        points' (`mismatched`).
     """
 
     block: AdjustedBlock
@@ -94,10 +99,11 @@ class BlockFindings(Cleaned[BlockPlace, ObservationName, BlockResiduals]):
     settings: SearchSettings
     held: frozenset[ObservationName] = frozenset()
     misnamed: tuple[MisnamedRay, ...] = ()
+    far: frozenset[ObservationName] = frozenset()
 
     @property
     def kept_out(self) -> frozenset[ObservationName]:
-        """Rejected because no solution was found with them, whatever else was left out."""
+        """Not looked at: `far`, or no solution was found with them, whatever else was out."""
         return self.end.held - self.held
 
     @property
@@ -110,6 +116,16 @@ class BlockFindings(Cleaned[BlockPlace, ObservationName, BlockResiduals]):
         """Points left out with all rays: far apart, and too few to tell which of them is wrong."""
         apart = self.block.problem.undetermined or {}
         return tuple(name for name, why in apart.items() if why == FAR_APART)
+
+    @cached_property
+    def rays_of_points(self) -> tuple[str, ...]:
+        """The photo of every ray that is out with its point."""
+        if not self.points:
+            return ()
+        rows, out = columns_of(self.block.problem.block.image_points), set(self.points)
+        gone = np.array([name in out for name in rows.point.values])[rows.point.index]
+        gone &= np.array([use != "off" for use in rows.use.values])[rows.use.index]
+        return tuple(rows.photo.values[k] for k in rows.photo.index[gone].tolist())
 
     @property
     def point_change(self) -> PointChange | None:
@@ -151,7 +167,7 @@ class BlockFindings(Cleaned[BlockPlace, ObservationName, BlockResiduals]):
     @property
     def photo_losses(self) -> list[PhotoLoss]:
         """Photos that lose more of their rays than chance explains, the worst first."""
-        return losses_of_photos(self.block.problem, self.out)
+        return losses_of_photos(self.block.problem, self.out, self.rays_of_points)
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -266,7 +282,7 @@ def block_gross_errors(
         first=first if whole else None,
     )
     cleaning = Cleaning(subject, strategy, used, watch, as_given)
-    end = _best_end(cleaning, subject, first, second, held, complete=complete)
+    end, far = _best_end(cleaning, subject, first, second, held, complete=complete)
     cleaned, found = first, end.solved.solution.found
     if found is not None:
         # at scale they are known from the last pass
@@ -276,7 +292,7 @@ def block_gross_errors(
     others = sorted(end.out.difference(held, went), key=subject.rows.row_of)
     rejected = (*others, *went)
     misnamed = misnamed_rays(cleaned, rejected, watch)
-    return BlockFindings(end, rejected, cleaned, begun, used, held, misnamed)
+    return BlockFindings(end, rejected, cleaned, begun, used, held, misnamed, far)
 
 
 _Names = frozenset[ObservationName]
@@ -340,11 +356,12 @@ def _best_end(
     held: _Names,
     *,
     complete: bool,
-) -> CleaningEnd[BlockPlace, ObservationName, BlockResiduals]:
+) -> tuple[CleaningEnd[BlockPlace, ObservationName, BlockResiduals], _Names]:
     """Search from the first adjustment, and from a robust one where there is a second place.
 
     Where no set that is found can be left out, what fits nowhere stays out for good. `held` is
-    what stays out; `complete`: the first adjustment lacks nothing else.
+    what stays out; `complete`: the first adjustment lacks nothing else. Returned with the end:
+    the `mismatched` coordinates.
     """
     problem = subject.problem
     attempts = Attempts(cleaning)
@@ -353,6 +370,7 @@ def _best_end(
         state = among_points(reduced, problem, state)
     here = BlockPlace(state)
     place = here
+    far = _Names()
     if second is not None:
         reduced, place = second.problem, second.place
         state = place.state
@@ -374,4 +392,4 @@ def _best_end(
     many = 2 * len(kept_out) > cleaning.settings.room(problem.redundancy)
     if not attempts.ends and kept_out and not (attempts.doubted and many):
         attempts.begin(place, None, held | kept_out)
-    return attempts.best()
+    return attempts.best(), far

@@ -31,7 +31,7 @@ class PhotoLoss(NamedTuple):
     photo
         Its name.
     lost, rays
-        Rays of which x or y is rejected, of how many.
+        Rays of which x or y is rejected, or whose points are left out, of how many.
     others_lost, others
         The same of all other photos.
     """
@@ -52,7 +52,9 @@ class PhotoLoss(NamedTuple):
         )
 
 
-def losses_of_photos(problem: Problem, rejected: Iterable[ObservationName]) -> list[PhotoLoss]:
+def losses_of_photos(
+    problem: Problem, rejected: Iterable[ObservationName], left_out: Iterable[str] = ()
+) -> list[PhotoLoss]:
     """Return the photos of a bundle that lose more rays than chance explains, the worst first.
 
     Parameters
@@ -61,6 +63,8 @@ def losses_of_photos(problem: Problem, rejected: Iterable[ObservationName]) -> l
         The bundle.
     rejected
         What is rejected of it; other things than image coordinates do not count.
+    left_out
+        The photos of rays that are out with their points, and none of the bundle's: one each.
     """
     rays = np.bincount(problem.photo, minlength=len(problem.photos))
     number = {name: k for k, name in enumerate(problem.photos)}
@@ -70,6 +74,10 @@ def losses_of_photos(problem: Problem, rejected: Iterable[ObservationName]) -> l
         if photo in number:
             lost[number[photo]] += 1
     lost = np.minimum(lost, rays)
+    for photo in left_out:
+        if photo in number:
+            lost[number[photo]] += 1
+            rays[number[photo]] += 1
     return [
         PhotoLoss(
             problem.photos[k],
