@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bundleblocks import Scene, aerial, make_scene
+from grossblocks import mismatched, planned
 
 from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.errors.controllast import clean_control_last
@@ -16,7 +17,7 @@ from anaplot.bundle.live import LiveBlock
 from anaplot.bundle.solve.additional import additional_parameters
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.problem import Datum, make_problem
-from anaplot.bundle.start.halfrays import half_seen
+from anaplot.bundle.start.halfrays import half_seen, met_planes
 from anaplot.photogrammetry.block import Block, ControlPoint, ControlUse, Use
 from anaplot.photogrammetry.objectconditions import ObjectCondition
 
@@ -235,3 +236,20 @@ def test_what_its_planes_determine_is_not_left_out(seed: int, datum: Datum) -> N
     adjusted = adjust_block(block, datum=datum)
     assert adjusted.sigma0 < 2.0
     assert not [name for name in left(adjusted) if certainty(scene, block, name) < 0.01]
+
+
+def test_a_point_a_thousand_flying_heights_away_is_none() -> None:
+    # one of its two rays is meant for another point, and of the other one only x counts
+    made = planned(1, strips=3)
+    state = adjust_block(made).state
+    block, wrong = mismatched(made, 4, 1)
+    assert ("306", "06-07") in wrong
+    rows = [
+        replace(row, use="x") if (row.photo, row.point) == ("307", "06-07") else row
+        for row in block.image_points
+    ]
+    problem = make_problem(replace(block, image_points=tuple(rows)))
+    at = np.array([problem.points.index("06-07")])
+    assert half_seen(problem)[at].all()
+    _, certain = met_planes(problem, state, at)
+    assert not certain.any()

@@ -31,7 +31,9 @@ __all__ = [
 ]
 
 _FEWEST = 3  # coordinates that determine a point
-_CERTAIN = 0.1  # of its distance: a larger standard deviation of a point is none
+# of its distance: a larger standard deviation of a point is none; by its rays alone, and
+# orientations make it up to three times as large
+_CERTAIN = 0.03
 
 
 def half_seen(problem: Problem) -> Bools:
