@@ -7,9 +7,12 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from startkinds import KINDS, Layout, looking_in, measured
+from startkinds import KINDS, Layout, looking_in, measured, outside
 
+from anaplot.bundle.solve.gaussnewton import find_minimum
 from anaplot.bundle.solve.problem import Problem, make_problem
+from anaplot.bundle.solve.structure import make_structure
+from anaplot.bundle.start.approximate import approximate_ways, doubtful
 from anaplot.bundle.start.seeds import grown_from_seed
 from anaplot.bundle.start.subblock import rays_of_photos, unit_rays
 from anaplot.bundle.start.viewgraph import view_graph
@@ -94,3 +97,39 @@ def test_a_part_grows_from_photos_without_a_place_over_their_neighbours() -> Non
     assert part is not None
     assert part.oriented[among].all()
     assert not part.oriented[~view_graph(problem).with_neighbours(among)].any()
+
+
+def test_what_is_left_grows_from_a_seed_that_reaches_most_of_it() -> None:
+    # one that fits, and reaches few of them, was taken
+    rng = np.random.default_rng(466904)
+    problem = make_problem(measured(replace(outside(rng, 16, 200), share=0.4), rng).block)
+    state = approximate_ways(problem)[4].find(None)
+    assert state is not None
+    found = find_minimum(problem, state, make_structure(problem, state.centres))
+    assert found.convergence.last == pytest.approx(247.29, abs=0.01)
+
+
+def test_a_photo_that_hangs_on_one_other_is_a_seed_with_that() -> None:
+    # of the last photo all points but three are seen by the first alone: no resection
+    rng = np.random.default_rng(5)
+    around = np.linspace(0.0, 1.2, 6)
+    layout = looking_in(rng, around, np.full(6, 0.35), 12.0, rng.uniform(-3.0, 3.0, (60, 3)))
+    block = measured(layout, rng).block
+    names = make_problem(block).photos
+    first, last = names[0], names[-1]
+    points = sorted({one.point for one in block.image_points})
+    ours, common = set(points[:22]), points[:3]
+    kept = [
+        one
+        for one in block.image_points
+        if (one.point in ours and one.photo in (first, last))
+        or (one.photo != last and (one.point not in ours or one.point in common))
+    ]
+    problem = make_problem(replace(block, image_points=kept))
+    alone = np.array(problem.photos) == last
+    part = grown_from_seed(problem, unit_rays(problem), rays_of_photos(problem), alone)
+    assert part is not None
+    assert part.oriented[[problem.photos.index(first), problem.photos.index(last)]].all()
+    state = approximate_ways(problem)[4].find(None)
+    assert state is not None
+    assert not doubtful(problem, state)

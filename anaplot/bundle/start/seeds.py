@@ -59,9 +59,8 @@ def grown_from_seed(
     Returns
     -------
     SubBlock or None
-        None where no two photos have six points in common.
+        None where no photo has six points in common with another.
     """
-    first = among is None
     among = np.ones(len(problem.photos), dtype=bool) if among is None else among
     n = int(among.sum())
     fits = max(_GROWN * float(np.median(problem.sigma)), _DRIFT * float(np.median(problem.c)))
@@ -85,7 +84,7 @@ def grown_from_seed(
             score = (int((part.oriented & among).sum()), -error)
             if score > best_score:
                 best, best_score = part, score
-            if error < fits and (score[0] >= _NEARLY * n or not first):
+            if error < fits and score[0] >= _NEARLY * n:
                 return part
             if error < fits and 2 * score[0] > n:
                 # this is how the pair is oriented: what it does not reach, another may

@@ -40,6 +40,8 @@ class ViewGraph:
     def strongest(self, fewest: int, among: Bools) -> Index:
         """Return (k, 2) the pairs of some photos with so many common points, those with most first.
 
+        Where no two of them are such a pair, those of one of them and another photo.
+
         Parameters
         ----------
         fewest
@@ -47,7 +49,8 @@ class ViewGraph:
         among
             (photos,) which photos.
         """
-        good = np.flatnonzero((self.common >= fewest) & among[self.pairs].all(axis=1))
+        ends = np.where(self.common >= fewest, among[self.pairs].sum(axis=1), 0)
+        good = np.flatnonzero((ends > 0) & (ends == ends.max(initial=0)))
         return np.asarray(self.pairs[good[np.argsort(-self.common[good], kind="stable")]])
 
     def with_neighbours(self, among: Bools) -> Bools:
