@@ -2,7 +2,8 @@
 
 Threads of one process share its interpreter: whoever has a record to show waited for every call of
 the block's mathematics, some milliseconds each, a dozen times. The process is this interpreter once
-more; both speak over its standard input and output, in pickles that nobody else can write.
+more; both speak over its standard input and output, in pickles that nobody else can write. What
+else is printed there (by what an interpreter runs first) is passed over.
 """
 
 from __future__ import annotations
@@ -15,15 +16,16 @@ import signal
 import subprocess
 import sys
 import threading
+import traceback
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import takewhile
-from typing import IO, NamedTuple
+from typing import IO, NamedTuple, NoReturn
 
 from anaplot.photogrammetry.block import Block, ImagePoint
 from anaplot.station.blockview import BlockView
 from anaplot.station.blockviews import ElsewhereError, LiveViews, OvertakenError, fault
-from anaplot.textfiles.wording import reason
+from anaplot.textfiles.wording import plain, reason
 
 __all__ = ["BlockProcess", "serve"]
 
@@ -31,10 +33,20 @@ _LOOK = 0.05  # s between two looks at whether the answer is still wanted
 _CHUNK = 500  # rows that are packed at a time: others get their turn between
 _KINDER = 5  # by which its priority is lower
 _LEAVES = 2.0  # s until it is ended that does not leave by itself
+_TRIES = 2  # processes one after the other that end without an answer
+_LINE = 4096  # bytes of a line that is no answer
+_MARK = b"anaplot: answers follow\n"  # a line of its own before the first of them
 _BEGIN = (
     "import sys; sys.path[:] = sys.argv[1:]; from anaplot.station.blockprocess import serve; "
-    "serve(sys.stdin.buffer, sys.stdout.buffer)"
+    "serve()"
 )
+_FLAGS = {
+    "isolated": "-I",
+    "ignore_environment": "-E",
+    "no_user_site": "-s",
+    "no_site": "-S",
+    "dont_write_bytecode": "-B",
+}
 
 
 class _Rows(NamedTuple):
@@ -71,16 +83,29 @@ class _Answer(NamedTuple):
     fault: str = ""
 
 
+class _End(NamedTuple):
+    """Nothing can be read any more, for a fault or because the process has ended."""
+
+    fault: str = ""
+
+
 class BlockProcess:
     """Adjusts the block in a process of its own, which begins with the first block.
 
-    It ends with `close`, and with this process, however that ends.
+    It ends with `close`, and with this process, however that ends. Where processes end without an
+    answer no more of them are begun: what they could not do by themselves is done here. Where they
+    were ended (by the system, for want of memory), nobody does it: it would end this process, too.
     """
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None
-        self._answers: queue.SimpleQueue[_Answer | None] = queue.SimpleQueue()
-        self._reader: threading.Thread | None = None
+        self._answers: queue.SimpleQueue[_Answer | _End] = queue.SimpleQueue()
+        self._said: queue.SimpleQueue[bytes | None] = queue.SimpleQueue()
+        self._last_words: list[bytes] = []
+        self._threads: tuple[threading.Thread, ...] = ()
+        self._in_vain = 0
+        self._given_up = ""
+        self._here: LiveViews | None = None
         self._number = 0
         self._sent: Block | None = None
         self._rows: tuple[ImagePoint, ...] = ()
@@ -95,19 +120,26 @@ class BlockProcess:
         ElsewhereError
             The program failed there, or the process has ended: the next block has a new one.
         """
+        if self._here is not None:
+            return self._here.view(block, empty, most_weak, look_up)
+        if self._given_up:
+            raise ElsewhereError(self._given_up)
         if self._process is None and not block.image_points:
             return None
         self._number += 1
         try:
             self._ask(block, empty, most_weak)
-            return self._answer(look_up)
-        except OvertakenError:
-            with contextlib.suppress(OSError):  # whoever asks next will see that it has ended
-                self._send(_GiveUp(self._number))
-            raise
         except OSError as error:
             self.close()
-            raise ElsewhereError(f"no process for it: {reason(error)}") from error
+            raise self._failed(f"no process for it: {reason(error)}") from error
+        except Exception:
+            self.close()  # it has been told half of it
+            raise
+        try:
+            return self._answer(look_up)
+        except OvertakenError:
+            self._send(_GiveUp(self._number))  # if it has ended, whoever asks next will see that
+            raise
 
     def close(self) -> None:
         """End the process."""
@@ -115,16 +147,14 @@ class BlockProcess:
         self._sent, self._rows = None, ()
         if process is None:
             return
-        assert process.stdin is not None
-        with contextlib.suppress(OSError):
-            process.stdin.close()
+        self._said.put(None)
         try:
             process.wait(_LEAVES)
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
-        if self._reader is not None:
-            self._reader.join()  # what it reads has ended
+        for thread in self._threads:
+            thread.join(_LEAVES)  # what it reads and writes has ended
 
     def _ask(self, block: Block, empty: BlockView, most_weak: int) -> None:
         if self._process is None:
@@ -147,37 +177,77 @@ class BlockProcess:
             look_up()
             with contextlib.suppress(queue.Empty):
                 answer = self._answers.get(timeout=_LOOK)
-                if answer is None:
-                    self.close()
-                    raise ElsewhereError("its process has ended")
+                if isinstance(answer, _End):
+                    raise self._ended(answer.fault)
+                self._in_vain = 0
                 if answer.number == self._number:
                     if answer.fault:
                         raise ElsewhereError(answer.fault)
                     return answer.view
 
-    def _start(self) -> None:
-        self._answers = queue.SimpleQueue()
-        self._process = subprocess.Popen(  # noqa: S603 - this interpreter, with a text of ours
-            [sys.executable, "-c", _BEGIN, *sys.path],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-        )
-        assert self._process.stdout is not None
-        self._reader = threading.Thread(
-            target=_read_answers,
-            args=(self._process.stdout, self._answers),
-            name="block answers",
-            daemon=True,
-        )
-        self._reader.start()
-
-    def _send(self, message: object) -> None:
+    def _ended(self, unread: str) -> ElsewhereError:
+        """Return what is said of a process that has ended, or whose answer cannot be read."""
         process = self._process
         assert process is not None
+        self.close()
+        code = process.returncode
+        killed = not 0 <= code < 256
+        if unread and not killed:
+            return self._failed(f"its answer cannot be read: {plain(unread, 200)}")
+        words = [_how(code), *(plain(line.strip(), 200) for line in self._last_words)]
+        return self._failed(f"its process has ended ({': '.join(words)})", killed=killed)
+
+    def _failed(self, why: str, *, killed: bool = False) -> ElsewhereError:
+        """Take notice of a process in vain, and return what is said of it."""
+        self._in_vain += 1
+        if self._in_vain < _TRIES:
+            return ElsewhereError(why)
+        if killed:
+            self._given_up = f"{why}, {_TRIES} times: it is not tried again"
+            return ElsewhereError(self._given_up)
+        self._here = LiveViews()
+        return ElsewhereError(f"{why}, {_TRIES} times: from now on it is adjusted in this one")
+
+    def _start(self) -> None:
+        self._process = process = subprocess.Popen(  # noqa: S603 - this interpreter, a text of ours
+            [sys.executable, *_flags(), "-c", _BEGIN, *sys.path],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+        )
         assert process.stdin is not None
-        pickle.dump(message, process.stdin)
-        process.stdin.flush()
+        assert process.stdout is not None
+        assert process.stderr is not None
+        self._answers, self._said, self._last_words = queue.SimpleQueue(), queue.SimpleQueue(), []
+        self._threads = (
+            _thread("block questions", _write, process.stdin, self._said),
+            _thread("block answers", _read_answers, process.stdout, self._answers),
+            _thread("block errors", _read_errors, process.stderr, self._last_words),
+        )
+
+    def _send(self, message: object) -> None:
+        self._said.put(pickle.dumps(message))
+
+
+def _flags() -> list[str]:
+    """Return the flags of this interpreter that say what another one runs first."""
+    return [flag for name, flag in _FLAGS.items() if getattr(sys.flags, name)]
+
+
+def _how(code: int) -> str:
+    """Return in words how a process has ended."""
+    if code >= 0:
+        return f"exit {code}"
+    with contextlib.suppress(ValueError):
+        return signal.Signals(-code).name
+    return f"signal {-code}"
+
+
+def _thread(name: str, target: Callable[..., None], *given: object) -> threading.Thread:
+    """Begin a thread."""
+    thread = threading.Thread(target=target, args=given, name=name, daemon=True)
+    thread.start()
+    return thread
 
 
 def _alike(pairs: zip[tuple[ImagePoint, ImagePoint]]) -> int:
@@ -185,29 +255,65 @@ def _alike(pairs: zip[tuple[ImagePoint, ImagePoint]]) -> int:
     return sum(1 for _ in takewhile(lambda pair: pair[0] is pair[1] or pair[0] == pair[1], pairs))
 
 
-def _read_answers(source: IO[bytes], answers: queue.SimpleQueue[_Answer | None]) -> None:
+def _write(sink: IO[bytes], said: queue.SimpleQueue[bytes | None]) -> None:
+    """Tell the process what is said, until None is: one that does not read keeps nobody waiting."""
+    with contextlib.suppress(OSError), sink:
+        while (message := said.get()) is not None:
+            sink.write(message)
+            sink.flush()
+
+
+def _read_answers(source: IO[bytes], answers: queue.SimpleQueue[_Answer | _End]) -> None:
     """Take what the process says, until it has ended."""
-    with source, contextlib.suppress(OSError, EOFError, pickle.UnpicklingError):
-        while True:
-            answers.put(pickle.load(source))  # noqa: S301 - from our own process
-    answers.put(None)
+    end = _End()
+    try:
+        with source:
+            while (line := source.readline(_LINE)) != _MARK:
+                if not line:
+                    return
+            while True:
+                answers.put(pickle.load(source))  # noqa: S301 - from our own process
+    except (OSError, EOFError):
+        pass  # it has ended
+    except Exception as error:  # noqa: BLE001 - what is read may be anything
+        end = _End(fault(error))
+    finally:
+        answers.put(end)
 
 
-def serve(source: IO[bytes], sink: IO[bytes]) -> None:
-    """Adjust what is asked for, the newest alone, until nobody asks any more: the process itself.
+def _read_errors(source: IO[bytes], last: list[bytes]) -> None:
+    """Keep, as the only one, the last line of what the process says of itself."""
+    with contextlib.suppress(OSError), source:
+        while line := source.readline(_LINE):
+            if line.strip():
+                last[:] = [line]
 
-    Parameters
-    ----------
-    source, sink
-        Where messages come from, and where answers go.
-    """
+
+def serve() -> NoReturn:
+    """Adjust what is asked for, the newest alone, until nobody asks any more: the whole process."""
+    # whoever prints something from now on does not print among the answers
+    sink = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)
+    try:
+        _serve(sys.stdin.buffer, sink)
+    except OSError:
+        pass  # nobody listens any more
+    except Exception:  # noqa: BLE001 - told by the process that began this one
+        traceback.print_exc()
+    finally:
+        os._exit(1)  # also where the thread that reads still waits
+
+
+def _serve(source: IO[bytes], sink: IO[bytes]) -> None:
     # what ends it is the end of its input: Ctrl-C is meant for whoever asks
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if hasattr(os, "nice"):
         os.nice(_KINDER)
+    sink.write(b"\n" + _MARK)
+    sink.flush()
     asked: queue.SimpleQueue[tuple[_Asked, Block]] = queue.SimpleQueue()
     newest = [0]
-    threading.Thread(target=_read_questions, args=(source, asked, newest), daemon=True).start()
+    _thread("questions", _read_questions, source, asked, newest)
     views = LiveViews()
     while True:
         question, block = asked.get()
@@ -224,35 +330,44 @@ def serve(source: IO[bytes], sink: IO[bytes]) -> None:
             continue
         except Exception as error:  # noqa: BLE001 - told to whoever asked
             answer = _Answer(question.number, None, fault(error))
-        try:
-            pickle.dump(answer, sink)
-            sink.flush()
-        except OSError:
-            return
+        pickle.dump(answer, sink)
+        sink.flush()
 
 
 def _read_questions(
     source: IO[bytes], asked: queue.SimpleQueue[tuple[_Asked, Block]], newest: list[int]
 ) -> None:
     """Take what is asked; at the end of it the whole process ends, whatever it is doing."""
+    code = 1
+    try:
+        _take_questions(source, asked, newest)
+    except (OSError, EOFError):
+        code = 0
+    except Exception:  # noqa: BLE001 - told by the process that began this one
+        traceback.print_exc()
+    finally:
+        os._exit(code)
+
+
+def _take_questions(
+    source: IO[bytes], asked: queue.SimpleQueue[tuple[_Asked, Block]], newest: list[int]
+) -> NoReturn:
     bare: Block | None = None
     rows: tuple[ImagePoint, ...] = ()
     between: list[ImagePoint] = []
-    with contextlib.suppress(OSError, EOFError, pickle.UnpicklingError):
-        while True:
-            message = pickle.load(source)  # noqa: S301 - from the process that began this one
-            match message:
-                case _Rows(more):
-                    between += more
-                case _Asked():
-                    end = len(rows) - message.last
-                    rows = (*rows[: message.first], *between, *rows[end:])
-                    between = []
-                    bare = message.block or bare
-                    assert bare is not None
-                    newest[0] = message.number
-                    asked.put((message, replace(bare, image_points=rows)))
-                case _GiveUp(number):
-                    if newest[0] == number:
-                        newest[0] = 0
-    os._exit(0)
+    while True:
+        message = pickle.load(source)  # noqa: S301 - from the process that began this one
+        match message:
+            case _Rows(more):
+                between += more
+            case _Asked():
+                end = len(rows) - message.last
+                rows = (*rows[: message.first], *between, *rows[end:])
+                between = []
+                bare = message.block or bare
+                assert bare is not None
+                newest[0] = message.number
+                asked.put((message, replace(bare, image_points=rows)))
+            case _GiveUp(number):
+                if newest[0] == number:
+                    newest[0] = 0

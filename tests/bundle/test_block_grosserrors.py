@@ -335,7 +335,9 @@ def test_wrong_requests() -> None:
     with pytest.raises(ValueError, match="no strategy 'guess'"):
         block_gross_errors(block, "guess")
     large = adjusted(aerial(6, 12, per_base=2, control_sigma=0.05, noise_um=5.0))
-    with pytest.raises(InputError, match=r"odds over pairs of .* at most 3000"):
+    with pytest.raises(
+        InputError, match=r"odds over pairs, asked for beside baarda, of .* at most 3000"
+    ):
         block_gross_errors(large, "baarda", replace(ALPHA, pairs=True))
 
 

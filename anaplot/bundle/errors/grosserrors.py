@@ -247,7 +247,7 @@ def block_gross_errors(
     used = SearchSettings(alpha=test.alpha, power=test.power) if settings is None else settings
     n = problem.every.observations
     for asked, what, most in (
-        (used.pairs, "odds over pairs", MOST_ROWS_OF_PAIRS),
+        (used.pairs, f"odds over pairs, asked for beside {strategy},", MOST_ROWS_OF_PAIRS),
         (strategy == "odds", strategy, MOST_ROWS_OF_COLUMNS),
     ):
         if asked and n > most:
