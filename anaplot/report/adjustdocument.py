@@ -376,8 +376,10 @@ def ground_lines(system: GroundSystem | None) -> list[Line]:
 def _global_test(block: AdjustedBlock) -> list[Line]:
     """Return Baarda's global test, consistent with the test of single observations."""
     found = block.global_test()
-    if found is None or block.sigma0 is None:
+    limit = sigma0_limit(block)
+    if found is None or block.sigma0 is None or limit is None:
         return []
+    beyond = block.sigma0**2 > limit
     return [
         say(
             "  global test consistent with alpha {:g} and power {:g}: alpha {:.3f}, "
@@ -389,11 +391,13 @@ def _global_test(block: AdjustedBlock) -> list[Line]:
             found.critical,
         ),
         say(
-            "    (no alarm: {:.0f} % of such blocks without any error exceed it; at {:g} the limit "
-            "is {:.3f})",
+            "    ({}{:.0f} % of such blocks without any error exceed it; at {:g} the limit "
+            "is {:.3f}{})",
+            "" if beyond else "no alarm: ",
             100.0 * found.alpha,
             ALARM,
-            sigma0_limit(block),
+            limit,
+            ", and this is beyond it" if beyond else "",
         ),
     ]
 

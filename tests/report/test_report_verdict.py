@@ -300,3 +300,13 @@ def test_every_strip_is_bridged_once_for_a_report(
     assert len(alone) == 2
     assert formed == of_bridge
     assert "models" in {one.key for one in report.sections}
+
+
+@pytest.mark.parametrize(("um", "beyond"), [(5.0, False), (12.0, True)])
+def test_the_global_test_is_no_alarm_unless_the_limit_of_one_in_twenty_is_exceeded(
+    planned: Block, um: float, beyond: bool
+) -> None:
+    page = page_text(anaplot.adjust(noisy(planned, um)).document.page)
+    line = page.split("  global test consistent")[1].splitlines()[1]
+    assert line.startswith("    (no alarm: ") != beyond
+    assert line.endswith(", and this is beyond it)") == beyond
