@@ -131,15 +131,15 @@ def _name(table: TomlTable) -> str:
 @pytest.fixture
 def recorder(monkeypatch: pytest.MonkeyPatch) -> Recorder:
     noted = Recorder()
-    take, get, version, header = TomlTable.take, TomlTable.get, TomlTable.version, csvtable._header
+    take, get, version, header = TomlTable.taken, TomlTable.get, TomlTable.version, csvtable._header
 
-    def taken(self: TomlTable, required: Fields, more: Fields | None = None, also: Any = ()) -> Any:
+    def taken(self: TomlTable, keys: Keys) -> Any:
         noted.taken[_name(self)] += 1
-        for key, kind in {**required, **(more or {})}.items():
-            noted.note(_name(self), key, kind, key in required)
-        for key in also:
+        for key, kind in keys._kinds.items():
+            noted.note(_name(self), key, kind, key in keys._required)
+        for key in keys._also:
             noted.note(_name(self), key, None, False)
-        return take(self, required, more, also)
+        return take(self, keys)
 
     def got(self: TomlTable, key: str, kind: Kind[Any]) -> Any:
         noted.note(_name(self), key, kind, False)
@@ -156,7 +156,7 @@ def recorder(monkeypatch: pytest.MonkeyPatch) -> Recorder:
             columns.setdefault(name, []).append(Known(kind, name in always))
         return header(path, line, known, required, either)
 
-    monkeypatch.setattr(TomlTable, "take", taken)
+    monkeypatch.setattr(TomlTable, "taken", taken)
     monkeypatch.setattr(TomlTable, "get", got)
     monkeypatch.setattr(TomlTable, "version", versioned)
     monkeypatch.setattr(csvtable, "_header", headed)

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from processes import ROOT, running
 
 from anaplot.photogrammetry.block import Block, ImagePoint
 from anaplot.planning.synthetic import synthetic_strip
@@ -290,13 +291,13 @@ def test_the_process_does_not_outlive_whoever_began_it():
         "import sys, time; from tests.station.test_blockprocess import *; made = BlockProcess(); "
         "made.view(strip(), EMPTY, 0, never); print(made._process.pid, flush=True); time.sleep(600)"
     )
-    whoever = subprocess.Popen([sys.executable, "-c", text], stdout=subprocess.PIPE)
-    with whoever:
+    env = {**os.environ, "PYTHONPATH": os.pathsep.join((str(ROOT), str(ROOT / "tests")))}
+    with running([sys.executable, "-c", text], env=env) as whoever:
         child = int(whoever.stdout.readline())
         whoever.kill()
-    for _ in within():
-        if gone(child):
-            break
+        for _ in within():
+            if gone(child):
+                break
 
 
 def gone(process: int) -> bool:
