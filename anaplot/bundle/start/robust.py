@@ -40,6 +40,7 @@ _AGREED = "where most measurements agree, sigma0 is"
 _RESECTED = 30  # photos that are resected at most when a culprit is looked for
 _OFF = 20.0  # sigmas by which a ray or control is off
 _FEW = 200  # rays of which one may be off in any case
+_SCATTERED = 0.05  # of the redundancy: coordinates that may be off, as long as no photo has more
 _OF_A_PHOTO = 0.25  # than this share of its rays off
 _TRUE = 1e-3  # of c: right orientations miss by less, in the median
 _WRONG = 0.45  # share of its rays off that a photo of a wrong solution has, at least
@@ -298,7 +299,7 @@ class RobustState(NamedTuple):
         """
         if self.rays_off <= max(1, len(problem.photo) // _FEW):
             return True
-        return self.most_off <= _OF_A_PHOTO and self.agrees(problem)
+        return self.most_off <= _OF_A_PHOTO and self._told_by_others(problem, _SCATTERED)
 
     def orients(self, problem: Problem) -> bool:
         """Whether the photos are oriented rightly, however many rays are wrong.
@@ -314,7 +315,11 @@ class RobustState(NamedTuple):
 
     def agrees(self, problem: Problem) -> bool:
         """Whether nearly all rays fit, wherever the others are."""
-        return 2 * self.rays_off <= _AGREE * problem.redundancy
+        return self._told_by_others(problem, _AGREE)
+
+    def _told_by_others(self, problem: Problem, share: float) -> bool:
+        """Whether coordinates that are off are at most a share of the redundancy."""
+        return 2 * self.rays_off <= share * problem.redundancy
 
     @property
     def off(self) -> tuple[int, int]:
