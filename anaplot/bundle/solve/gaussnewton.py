@@ -32,6 +32,7 @@ __all__ = [
     "Convergence",
     "Minimum",
     "NoConvergenceError",
+    "Step",
     "damped_step",
     "equations_at",
     "find_minimum",
@@ -96,8 +97,18 @@ class _Place(NamedTuple):
     behind: int
 
 
-class _Step(NamedTuple):
-    """Corrections, the squared change of the whitened residuals, and what they were solved with."""
+class Step(NamedTuple):
+    """A step, and what it was solved with, which is as large as the block.
+
+    Attributes
+    ----------
+    dx
+        Corrections of photos (n, d), points (p, 3) and shared parameters (q,).
+    change
+        The squared change of the whitened residuals.
+    normal, factor
+        The equations and their factor.
+    """
 
     dx: Unknowns
     change: float
@@ -178,7 +189,7 @@ def find_minimum(
             step = None  # its memory, before there is another
             step, full = full, None
             if step is None:
-                step = _step(problem, structure, linear, damping, weights, progress)
+                step = damped_step(problem, structure, linear, damping, weights, progress)
             if step is not None:
                 trial = rescaled(problem, move(problem, state, *step.dx))
                 new_value, depth = objective(problem, trial)
@@ -243,7 +254,7 @@ def _slack(value: float, noise: float) -> float:
 
 
 def _nearer(
-    problem: Problem, step: _Step, place: _Place, accepted: int, progress: Progress | None
+    problem: Problem, step: Step, place: _Place, accepted: int, progress: Progress | None
 ) -> tuple[_Place, int, bool]:
     """Go nearer to the minimum with the factor of an earlier step (the simplified Newton method).
 
@@ -312,8 +323,8 @@ def damped_step(
     damping: float,
     weights: Array | None,
     progress: Progress | None,
-) -> tuple[Unknowns, float] | None:
-    """Return corrections of photos, points and shared parameters, and the change of residuals.
+) -> Step | None:
+    """Return a damped step with what it was solved with; None when nothing can be solved for.
 
     Parameters
     ----------
@@ -325,25 +336,7 @@ def damped_step(
         Of the datum's anchor, or None.
     progress
         Called with what is being done and the fraction of it.
-
-    Returns
-    -------
-    ((photos, d), (points, 3), (q,)) arrays and float, or None
-        The squared change of the whitened residuals; None when nothing can be solved for.
     """
-    step = _step(problem, structure, linear, damping, weights, progress)
-    return None if step is None else (step.dx, step.change)
-
-
-def _step(
-    problem: Problem,
-    structure: Structure,
-    linear: Linearised,
-    damping: float,
-    weights: Array | None,
-    progress: Progress | None,
-) -> _Step | None:
-    """Return a damped step with what it was solved with; None when nothing can be solved for."""
     try:
         normal = NormalEquations(problem, structure, linear, damping, weights)
         factor = normal.factor(None if progress is None else (lambda f: progress("factor", f)))
@@ -353,7 +346,7 @@ def _step(
     return _solved(normal, factor)
 
 
-def _solved(normal: NormalEquations, factor: Factor) -> _Step | None:
+def _solved(normal: NormalEquations, factor: Factor) -> Step | None:
     """Return the step that these equations lead to; None when it is not finite."""
     dx = normal.step(factor)
     change = _change(normal.own_gradient, dx)
@@ -362,7 +355,7 @@ def _solved(normal: NormalEquations, factor: Factor) -> _Step | None:
         change -= float(conditions.e @ conditions.effect(dx[1]).e)
     if not change < float("inf"):
         return None
-    return _Step(dx, max(change, 0.0), normal, factor)
+    return Step(dx, max(change, 0.0), normal, factor)
 
 
 def _change(sides: Unknowns, dx: Unknowns) -> float:

@@ -11,9 +11,9 @@ import numpy as np
 
 from anaplot.aliases import Array, Progress
 from anaplot.bundle.solve.datum import anchor
-from anaplot.bundle.solve.gaussnewton import Minimum, damped_step, find_minimum
+from anaplot.bundle.solve.gaussnewton import Minimum, Step, damped_step, find_minimum
 from anaplot.bundle.solve.imaging import BlockState
-from anaplot.bundle.solve.linearised import linearise, move
+from anaplot.bundle.solve.linearised import Linearised, linearise, move
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.structure import Structure
 from anaplot.bundle.start.robust import RobustState
@@ -66,10 +66,17 @@ def _directions(problem: Problem, state: BlockState) -> Array:
 
 def full_step(problem: Problem, structure: Structure, state: BlockState) -> BlockState | None:
     """Return where the step without damping leads; None where it cannot be solved for."""
+    step = _full(problem, structure, state, linearise(problem, state))
+    return None if step is None else move(problem, state, *step.dx)
+
+
+def _full(
+    problem: Problem, structure: Structure, state: BlockState, linear: Linearised
+) -> Step | None:
+    """Return the step without damping; None where it cannot be solved for."""
     tie = anchor(problem, state) if problem.defect else None
     weights = None if tie is None else tie.weights
-    step = damped_step(problem, structure, linearise(problem, state), 0.0, weights, None)
-    return None if step is None else move(problem, state, *step[0])
+    return damped_step(problem, structure, linear, 0.0, weights, None)
 
 
 def foreseen_torn(problem: Problem, structure: Structure, solution: RobustState) -> bool:
@@ -95,11 +102,9 @@ def _foreseen(problem: Problem, structure: Structure, state: BlockState) -> floa
 
     Infinite where the step cannot be solved for.
     """
-    tie = anchor(problem, state) if problem.defect else None
-    weights = None if tie is None else tie.weights
     linear = linearise(problem, state)
-    step = damped_step(problem, structure, linear, 0.0, weights, None)
-    return float("inf") if step is None else linear.vtpv - step[1]
+    step = _full(problem, structure, state, linear)
+    return float("inf") if step is None else linear.vtpv - step.change
 
 
 def minimum_nearby(

@@ -426,14 +426,15 @@ def _robust(
                 expected_sigma=problem.expected_sigma * of_points[:, None],
             )
         linear = linearise(soft, state)
+        step = None  # its memory, before there is another
         step = damped_step(soft, structure, linear, damping, weights, None)
         if step is None:
             damping *= 10.0
             continue
-        trial = move(soft, state, *step[0])
+        trial = move(soft, state, *step.dx)
         if objective(soft, trial)[0] <= linear.vtpv:
             state, damping = trial, damping * 0.3
-            if step[1] < _ROBUST * problem.observations:
+            if step.change < _ROBUST * problem.observations:
                 break
         else:
             damping *= 10.0
