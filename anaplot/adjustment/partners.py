@@ -24,7 +24,7 @@ from anaplot.adjustment.elimination import Elimination, NotSeparableError
 from anaplot.adjustment.reliability import HARD_TO_TELL
 from anaplot.aliases import Array, Bools, Index
 
-__all__ = ["EQUAL", "WEAK", "Proposals", "likeliest"]
+__all__ = ["EQUAL", "WEAK", "Proposals", "likeliest", "rounded"]
 
 
 EQUAL = 1e-9
@@ -35,6 +35,11 @@ WEAK = 0.01
 
 _ROUNDING = 1e-13  # of R
 _SAME = 1e-6  # difference of the evidence that is none
+
+
+def rounded(statistic: float) -> float:
+    """Return a statistic to nine digits, for an order: what differs by rounding is equal."""
+    return float(f"{statistic:.9g}")
 
 
 def likeliest(w: Array, r: Array, columns: Array, rows: Index) -> Index:

@@ -14,6 +14,7 @@ from anaplot.adjustment.advice import (
     other_explanations,
     remeasure,
 )
+from anaplot.adjustment.partners import EQUAL, rounded
 from anaplot.adjustment.reliability import ERROR_PRIOR_SIGMAS
 from anaplot.adjustment.significance import TESTABLE
 from anaplot.adjustment.tested import (
@@ -32,7 +33,6 @@ from anaplot.orientation.results import Diagnosis, ModelSolution, Row
 __all__ = ["diagnose"]
 
 
-_EQUAL = 1e-9  # relative: what differs by less differs by rounding
 _TWINS = 0.1  # bases: points no further apart are a doubled point
 _SUSPICIOUS = 3.0  # times the a-priori sigma0: a test that estimates sigma may hide behind it
 
@@ -124,7 +124,7 @@ def _evidence(solution: ModelSolution) -> _Evidence:
         w /= factor
     shown = np.nan_to_num(w)
     # with one redundancy all are equal but for rounding: the smallest error that explains it
-    largest = shown >= shown.max() * (1.0 - _EQUAL)
+    largest = shown >= shown.max() * (1.0 - EQUAL)
     errors = shown[largest] / np.sqrt(np.maximum(system.r[largest], TESTABLE))
     wider = max(ERROR_PRIOR_SIGMAS, float(errors.min()))
     odds = error_odds(wider**2 * system.r, w, system.redundancy, tested.test.kind)
@@ -135,15 +135,10 @@ def _evidence_of(tested: Tested[Row], size: Array, odds: Odds) -> _Evidence:
     keys, chances = tested.keys, odds.rows
     return _Evidence(
         dict(zip(keys, chances.tolist(), strict=True)),
-        {key: _digits(one) for key, one in zip(keys, size.tolist(), strict=True)},
+        {key: rounded(one) for key, one in zip(keys, size.tolist(), strict=True)},
         sum_by_point(keys, chances),
         odds.none,
     )
-
-
-def _digits(value: float) -> float:
-    """Return a number without what rounding makes of it."""
-    return float(f"{value:.9g}")
 
 
 def _suspects(solution: ModelSolution, evidence: _Evidence) -> tuple[Row, ...]:
@@ -157,7 +152,7 @@ def _suspects(solution: ModelSolution, evidence: _Evidence) -> tuple[Row, ...]:
     def order(key: Row) -> tuple[bool, float, float, float, float]:
         # odds saturate when errors are large; the significance then decides
         outlying = key[0] in solution.outliers
-        points, chance = _digits(evidence.points[key[0]]), _digits(evidence.chance[key])
+        points, chance = rounded(evidence.points[key[0]]), rounded(evidence.chance[key])
         size = evidence.size[key]
         return not outlying, -size if exact else 0.0, -points, -chance, -size
 

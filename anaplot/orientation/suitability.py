@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from anaplot.adjustment.partners import rounded
 from anaplot.adjustment.tested import Transfer
 from anaplot.orientation.diagnosis import diagnose
 from anaplot.orientation.ownpattern import PointPattern
@@ -20,7 +21,7 @@ def worst_transfer(transfers: Iterable[Transfer[Row]]) -> Transfer[Row] | None:
     In a symmetric pattern many are equal: rounding must not say which one is named.
     """
     critical = (one for one in transfers if one.critical)
-    return max(critical, key=lambda one: float(f"{one.share:.9g}"), default=None)
+    return max(critical, key=lambda one: rounded(one.share), default=None)
 
 
 def unsuitable(transfers: Iterable[Transfer[Row]]) -> str:

@@ -29,6 +29,7 @@ __all__ = [
     "sigma_column",
     "stand_again",
     "stated_sigmas",
+    "use_counts",
 ]
 
 T = TypeVar("T")
@@ -36,6 +37,11 @@ S = TypeVar("S")
 
 Use = Literal["xy", "x", "y", "off"]
 """Which coordinates of an image point count."""
+
+
+def use_counts(use: Use, axis: str) -> bool:
+    """Return whether a coordinate, "x" or "y", counts under a use."""
+    return use != "off" and axis in use
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +79,7 @@ class ImagePoint:
 
     def counts(self, axis: str) -> bool:
         """Return whether a coordinate, "x" or "y", counts."""
-        return self.use != "off" and axis in self.use
+        return use_counts(self.use, axis)
 
     def use_without(self, axes: Collection[str]) -> Use:
         """Return which of its coordinates count when those of some axes do not."""

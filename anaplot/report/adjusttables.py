@@ -24,7 +24,7 @@ from anaplot.bundle.solve.externalreliability import ExternalReliability, Larges
 from anaplot.bundle.solve.observations import ObservationName
 from anaplot.bundle.solve.parametercorrelations import ORIENTATION_PAIRS, photo_correlations
 from anaplot.bundle.solve.photochecks import photo_checks, photo_overlaps
-from anaplot.photogrammetry.imagepoints import columns_of
+from anaplot.photogrammetry.imagepoints import columns_of, use_counts
 from anaplot.report.document import (
     Column,
     Table,
@@ -544,7 +544,7 @@ def _rays(block: AdjustedBlock, external: ExternalReliability) -> tuple[Values, 
     words[np.isnan(found.mdb)] = "not testable"
     words[found.flagged] = "<< REMEASURE"
     for k, axis in np.argwhere(~found.use).tolist():
-        counts = "xy"[axis] in points.use.at(rays[k])  # none of these is off altogether
+        counts = use_counts(points.use.at(rays[k]), "xy"[axis])
         words[k, axis] = _REJECTED_WORD if counts else _OFF_WORD
     return (
         doubled(points.photo.listed(rows)),

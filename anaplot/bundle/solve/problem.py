@@ -30,7 +30,7 @@ from anaplot.bundle.solve.priorbending import check_linear
 from anaplot.bundle.solve.selection import LeftOut, select_rays
 from anaplot.errors import InputError, NotComputableError
 from anaplot.photogrammetry.block import Block, ControlPoint, TestSettings
-from anaplot.photogrammetry.imagepoints import PointColumns, columns_of
+from anaplot.photogrammetry.imagepoints import PointColumns, columns_of, use_counts
 from anaplot.photogrammetry.rotation import rotation_matrix
 
 __all__ = ["Datum", "LeftOut", "Problem", "listed", "make_problem", "remeasured"]
@@ -423,7 +423,7 @@ def make_problem(
         located.approximate(priors[0], priors[1], 0)
         located.approximate(priors[2], priors[3], 3)
     expected, expected_sigma, not_needed = expected_coordinates(block, names, fixed, held)
-    counts = [[one != "off" and axis in one for axis in "xy"] for one in rows.use.values]
+    counts = [[use_counts(one, axis) for axis in "xy"] for one in rows.use.values]
     counted = np.array(counts)[rows.use.index]
     has_prior = np.isfinite(priors[1]).sum(axis=1) + np.isfinite(priors[3]).sum(axis=1)
     observed = (fixed | np.isfinite(known_sigma) | np.isfinite(expected_sigma)).sum(axis=1)
