@@ -35,10 +35,10 @@ from startkinds import (
     with_mismatches,
 )
 
-from anaplot.bundle import adjust
 from anaplot.bundle.solve.gaussnewton import find_minimum
 from anaplot.bundle.solve.problem import make_problem
 from anaplot.bundle.solve.structure import make_structure
+from anaplot.bundle.start import bestminimum
 from anaplot.errors import NotComputableError
 
 SAME = 1e-6  # of v'Pv
@@ -90,7 +90,7 @@ def _row(name: str, scenes: list[Scene]) -> int:
         problem = make_problem(scene.block)
         begin = process_time()
         try:
-            found = adjust._searched(problem, None, problem)[0]
+            found = bestminimum.best_minimum(problem, None, problem)[0]
         except NotComputableError as error:
             failed += 1
             print(f"  {name}: {error}", file=sys.stderr)

@@ -10,10 +10,10 @@ import pytest
 from bundleblocks import Scene
 from startkinds import KINDS, building, measured
 
-from anaplot.bundle import adjust
 from anaplot.bundle.solve.gaussnewton import find_minimum
 from anaplot.bundle.solve.problem import make_problem
 from anaplot.bundle.solve.structure import make_structure
+from anaplot.bundle.start import bestminimum
 from anaplot.bundle.start.pull import foreseen_torn, torn
 from anaplot.bundle.start.robust import RobustState, robust_state
 from anaplot.errors import NotComputableError
@@ -92,10 +92,10 @@ def test_no_long_search_where_gross_errors_tear_every_minimum(
         limits.append(tries)
         return find_minimum(*args, tries=tries, **named)
 
-    monkeypatch.setattr(adjust, "find_minimum", counted)
+    monkeypatch.setattr(bestminimum, "find_minimum", counted)
     problem = make_problem(scene.block)
     with pytest.raises(NotComputableError, match="no solution found") as failure:
-        adjust._searched(problem, None, problem)
+        bestminimum.best_minimum(problem, None, problem)
     assert limits
     assert None not in limits
     said = re.findall(r"point \w+ in photo \w+", str(failure.value))
@@ -109,4 +109,4 @@ def test_photos_that_no_way_orients_are_named() -> None:
     scene = measured(replace(building(rng, 39, 700), share=0.3), rng)
     problem = make_problem(scene.block)
     with pytest.raises(NotComputableError, match=r"no approximate orientation found for photos f3"):
-        adjust._searched(problem, None, problem)
+        bestminimum.best_minimum(problem, None, problem)

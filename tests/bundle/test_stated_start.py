@@ -9,13 +9,12 @@ import pytest
 from bundleblocks import Scene, aerial
 from startkinds import drone, measured, outside, ring, with_mismatches
 
-from anaplot.bundle import adjust
-from anaplot.bundle.adjust import adjust_problem
+from anaplot.bundle.adjust import adjust_block, adjust_problem
 from anaplot.bundle.solve.additional import additional_parameters
 from anaplot.bundle.solve.gaussnewton import find_minimum
 from anaplot.bundle.solve.problem import Problem, make_problem
 from anaplot.bundle.solve.structure import make_structure
-from anaplot.bundle.start import approximate
+from anaplot.bundle.start import approximate, bestminimum
 from anaplot.bundle.start.robust import RobustState, robust_state
 from anaplot.photogrammetry.block import Block, Camera
 from anaplot.photogrammetry.camera import BrownLens
@@ -147,8 +146,8 @@ def test_scattered_mismatches_are_seen_from_the_first_good_start(
         solutions.append(robust_state(*given, **more))
         return solutions[-1]
 
-    monkeypatch.setattr(adjust, "robust_state", keeping)
-    adjust._searched(problem, None, problem)
+    monkeypatch.setattr(bestminimum, "robust_state", keeping)
+    bestminimum.best_minimum(problem, None, problem)
     assert len(solutions) == 1
     solution = solutions[0]
     assert solution.rays_off > len(problem.photo) // 200
@@ -164,7 +163,9 @@ def test_the_search_tells_from_its_beginning_how_far_it_is() -> None:
     said: list[tuple[str, float]] = []
     rng = np.random.default_rng(2)
     scene = measured(replace(outside(rng, 14, 260), share=0.6), rng)
-    adjust._searched(make_problem(scene.block), lambda *what: said.append(what), mismatched(0.0))
+    bestminimum.best_minimum(
+        make_problem(scene.block), lambda *what: said.append(what), mismatched(0.0)
+    )
     assert said[0] == ("laying photos level", 0.0)
     # level photos do not fit here, and are left before the last round
     for what, least, steps in (("laying photos level", 0.3, 20), ("resecting photos", 0.8, 10)):
@@ -178,11 +179,11 @@ def test_the_search_tells_from_its_beginning_how_far_it_is() -> None:
 def test_of_one_straight_strip_nobody_is_accused_of_the_turn_about_it(datum: str) -> None:
     scene = aerial(1, 5, per_base=2, noise_um=5.0, control_sigma=0.05, seed=2)
     block = stated(scene, 10.0, 0.01)
-    assert not [one for one in adjust.adjust_block(block, datum=datum).warnings if "stated" in one]
+    assert not [one for one in adjust_block(block, datum=datum).warnings if "stated" in one]
     # and one that is wrong is told
     photos = list(block.photos)
     photos[3] = replace(photos[3], rotation=(1.5, 0.0, 0.0))
-    told = adjust.adjust_block(replace(block, photos=tuple(photos)), datum=datum).warnings
+    told = adjust_block(replace(block, photos=tuple(photos)), datum=datum).warnings
     assert [
         one
         for one in told

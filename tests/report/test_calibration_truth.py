@@ -9,8 +9,9 @@ import pytest
 from calibrationblocks import STRONG, TRUTH, convergent, make_block, stated
 
 from anaplot.adjustment.hypothesis import critical_f
-from anaplot.bundle.adjust import adjust_block, adjust_bundle, with_additional
+from anaplot.bundle.adjust import adjust_block, adjust_bundle
 from anaplot.bundle.solve.additional import additional_parameters
+from anaplot.bundle.solve.imaging import with_additional
 from anaplot.bundle.solve.problem import make_problem
 from anaplot.photogrammetry.lens import LENS_PARAMETERS, through_lens
 from anaplot.report.calibration import calibration_of

@@ -13,11 +13,12 @@ import numpy as np
 
 from anaplot.adjustment.findings import SearchSettings
 from anaplot.adjustment.watch import Watch
-from anaplot.bundle.adjust import adjust_bundle, with_additional
+from anaplot.bundle.adjust import adjust_bundle
 from anaplot.bundle.errors.grosserrors import BlockFindings, block_gross_errors
 from anaplot.bundle.solve.additional import AdditionalParameters
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.datum import priors_hold, with_priors_kept
+from anaplot.bundle.solve.imaging import with_additional
 from anaplot.bundle.solve.problem import Problem, make_problem
 from anaplot.bundle.solve.remade import with_priors_of, with_rejected_of
 from anaplot.bundle.start.approximate import laid_onto_control

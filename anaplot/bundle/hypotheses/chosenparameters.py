@@ -30,11 +30,12 @@ import numpy as np
 
 from anaplot.adjustment.hypothesis import bonferroni_alpha, f_power, removable, sidak_alpha
 from anaplot.aliases import Array, Index, Progress
-from anaplot.bundle.adjust import calibrated, with_additional
+from anaplot.bundle.adjust import calibrated
 from anaplot.bundle.hypotheses.parametertests import ParameterTests, parameter_tests
 from anaplot.bundle.hypotheses.verdict import HypothesisSettings, VarianceFactor, Verdict
 from anaplot.bundle.solve.additional import AdditionalParameters
 from anaplot.bundle.solve.adjusted import AdjustedBlock
+from anaplot.bundle.solve.imaging import with_additional
 from anaplot.bundle.solve.problem import make_problem
 from anaplot.bundle.solve.residuals import block_residuals
 from anaplot.bundle.solve.structure import make_structure

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +19,7 @@ __all__ = [
     "imaged_places",
     "imaged_with_derivatives",
     "seen_places",
+    "with_additional",
 ]
 
 
@@ -48,6 +49,16 @@ class BlockState:
     own: Array
     shared: Array
     origin: Array
+
+
+def with_additional(problem: Problem, state: BlockState) -> BlockState:
+    """Return the state of the bundle without additional parameters for the one that has some."""
+    given, own = problem.additional_given, problem.photo_invariant
+    return replace(
+        state,
+        own=given if own else np.zeros((len(problem.photos), 0)),
+        shared=np.zeros(0) if own else given.ravel(),
+    )
 
 
 class Imaged(NamedTuple):
