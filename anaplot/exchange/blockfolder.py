@@ -28,6 +28,7 @@ from anaplot.exchange.imagepointscsv import (
     format_image_points,
     parse_image_points,
     points_in_pixels,
+    reformat_image_points,
 )
 from anaplot.exchange.patternfile import format_pattern, read_pattern
 from anaplot.photogrammetry.block import Block, ControlPoint, ImagePoint, ImagePoints, PointPrior
@@ -170,6 +171,8 @@ def write_image_points(
 ) -> str:
     """Write image_points.csv whole and atomically, in place of the one before.
 
+    Of a block, what has not changed stays as it stands in the file: line ends, columns, digits.
+
     Parameters
     ----------
     folder
@@ -178,7 +181,7 @@ def write_image_points(
         Rows in file order; their coordinates are read back exactly.
     block
         The block that they belong to: its cameras say what is written where they have pixels or
-        a lens.
+        a lens. None: the file before is not looked at.
 
     Returns
     -------
@@ -188,10 +191,15 @@ def write_image_points(
     Raises
     ------
     InputError
-        A row that could not be read again, or the file could not be written; the old one stays.
+        A row that could not be read again, or the file before cannot be read, or not be replaced:
+        it stays.
     """
     path = folder / IMAGE_POINTS_CSV
-    data = _image_points_data(path, points, block)
+    if block is None or not os.path.lexists(path):
+        data = _image_points_data(path, points, block)
+    else:
+        text = reformat_image_points(path, points, block)
+        data = _bounded(path, text.encode(), MAX_CSV_BYTES)
     replace_whole(path, data)
     return _digest(data)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from codecs import BOM_UTF8
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import Any
 
 from anaplot.aliases import Array, Index
 from anaplot.errors import InputError
+from anaplot.exchange.keptrows import Written, rewritten
 from anaplot.photogrammetry.block import Block, Camera, ImagePoint, Strip
 from anaplot.photogrammetry.imagepoints import (
     Coded,
@@ -31,7 +33,7 @@ from anaplot.photogrammetry.measuredimage import (
 )
 from anaplot.photogrammetry.selection import model_name, model_splits
 from anaplot.textfiles.csvtable import MAX_CSV_BYTES, CsvColumns, csv_text_of_columns, read_csv
-from anaplot.textfiles.inputfile import open_input
+from anaplot.textfiles.inputfile import decoded, open_input, read_bytes
 from anaplot.textfiles.kinds import (
     NAME,
     NUMBER,
@@ -53,6 +55,7 @@ __all__ = [
     "outside",
     "parse_image_points",
     "points_in_pixels",
+    "reformat_image_points",
 ]
 
 _PIXELS = ("x_px", "y_px")
@@ -213,6 +216,60 @@ def format_image_points(points: Iterable[ImagePoint], block: Block | None = None
             *places[some].T.tolist(),
             *(listed(some) for _, listed in beside),
         ],
+    )
+
+
+def reformat_image_points(path: Path, points: Iterable[ImagePoint], block: Block) -> str:
+    """Return the text of an image_points.csv that is there already, with other rows.
+
+    What has not changed stands there as it stood: line ends, order of columns, digits.
+
+    Parameters
+    ----------
+    path
+        The file.
+    points
+        The rows.
+    block
+        As `format_image_points` has it, and as `parse_image_points`.
+
+    Raises
+    ------
+    InputError
+        As `format_image_points`; the file cannot be read.
+    """
+    rows = points if isinstance(points, ImagePoints) else ImagePoints(points)
+    if points_in_pixels(path) != block.in_pixels:
+        return format_image_points(rows, block)
+    if not _surely_writable(rows):
+        _check_rows(rows)
+    raw = read_bytes(path, MAX_CSV_BYTES)
+    mark = BOM_UTF8.decode() if raw.startswith(BOM_UTF8) else ""
+    text = mark + decoded(raw, path)
+    return rewritten(text, _written(parse_image_points(path, block), block), _written(rows, block))
+
+
+def _written(rows: ImagePoints, block: Block) -> Written:
+    """Return the fields that say rows."""
+    columns = rows.columns
+    places = _as_measured(rows, block)
+    sigmas = columns.sigma_um
+    stated = [None] * len(rows) if sigmas is None else stated_sigmas(sigmas)
+    model, use, reason = columns.model, columns.use, columns.reason
+    said = [columns.photo, columns.point, *(one.each(lambda v: v or "") for one in (model, reason))]
+    photos, points, models, reasons = (one.listed() for one in said)
+    xy = _PIXELS if block.in_pixels else ("x", "y")
+    return Written(
+        ("photo", "point", *xy, "sigma_um", "model", "use", "reason"),
+        list(
+            zip(
+                *(photos, points),
+                *(map(repr, values) for values in places.T.tolist()),
+                ["" if s is None else repr(float(s)) for s in stated],
+                *(models, use.listed(), reasons),
+                strict=True,
+            )
+        ),
     )
 
 

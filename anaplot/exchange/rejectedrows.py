@@ -17,11 +17,16 @@ __all__ = [
     "rejecting_reason",
     "rejects",
     "said_by",
+    "times_applied",
 ]
 
 STRATEGIES: tuple[SwitchedBy, ...] = get_args(SwitchedBy)
 # before a strategy's name alone the row counted whole, and nobody had said anything of it
-_BEFORE = re.compile(r"(?P<name>\w+)(; before: (?P<use>xy|x|y)(, (?P<reason>.*))?)?", re.DOTALL)
+_BEFORE = re.compile(
+    r"(?P<name>\w+)(; apply: (?P<time>[1-9][0-9]{0,5}))?"
+    r"(; before: (?P<use>xy|x|y)(, (?P<reason>.*))?)?",
+    re.DOTALL,
+)
 
 
 def said_by(reason: str | None) -> SwitchedBy | None:
@@ -35,7 +40,7 @@ def rejects(row: ImagePoint) -> bool:
     return said_by(row.reason) is not None
 
 
-def rejecting_reason(strategy: SwitchedBy, use: Use, reason: str | None) -> str:
+def rejecting_reason(strategy: SwitchedBy, use: Use, reason: str | None, time: int = 1) -> str:
     """Return the reason of a row that a strategy rejects.
 
     Parameters
@@ -44,15 +49,48 @@ def rejecting_reason(strategy: SwitchedBy, use: Use, reason: str | None) -> str:
         Its name.
     use, reason
         Of the row before.
+    time
+        Which time it is that the strategy's rejections are applied, from 1.
     """
+    again = "" if time == 1 else f"; apply: {time}"
     before = "" if use == "xy" and reason is None else f"; before: {use}"
-    return strategy + before + ("" if reason is None else f", {reason}")
+    return strategy + again + before + ("" if reason is None else f", {reason}")
 
 
-def as_before(row: ImagePoint, strategies: Iterable[str] = STRATEGIES) -> ImagePoint:
-    """Return a row as it was before some strategies' rejections were applied."""
+def times_applied(rows: Iterable[ImagePoint]) -> dict[SwitchedBy, int]:
+    """Return how many times the rejections of each strategy were applied, as the rows tell.
+
+    Rows that somebody else gave the name of a strategy are of the first time.
+    """
+    times: dict[SwitchedBy, int] = {}
+    for row in rows:
+        while (strategy := said_by(row.reason)) is not None:
+            times[strategy] = max(times.get(strategy, 1), _time(row.reason))
+            row = _one_before(row)
+    return times
+
+
+def as_before(
+    row: ImagePoint,
+    strategies: Iterable[str] = STRATEGIES,
+    times: Mapping[SwitchedBy, int] | None = None,
+) -> ImagePoint:
+    """Return a row as it was before some strategies' rejections were applied.
+
+    Parameters
+    ----------
+    row
+        The row.
+    strategies
+        Their names.
+    times
+        Which time alone is meant of each; None: every time.
+    """
     names = frozenset(strategies)
-    while said_by(row.reason) in names:
+    while (strategy := said_by(row.reason)) in names:
+        assert strategy is not None
+        if times is not None and times.get(strategy) != _time(row.reason):
+            break
         row = _one_before(row)
     return row
 
@@ -68,7 +106,17 @@ def rejected_axes(row: ImagePoint) -> Mapping[Axis, SwitchedBy]:
     return out
 
 
+def _time(reason: str | None) -> int:
+    """Return which time it was that a strategy said that."""
+    return int(_said(reason)["time"] or 1)
+
+
 def _one_before(row: ImagePoint) -> ImagePoint:
-    match = _BEFORE.fullmatch(row.reason or "")
-    assert match is not None
+    match = _said(row.reason)
     return replace(row, use=cast("Use", match["use"] or "xy"), reason=match["reason"])
+
+
+def _said(reason: str | None) -> re.Match[str]:
+    match = _BEFORE.fullmatch(reason or "")
+    assert match is not None
+    return match

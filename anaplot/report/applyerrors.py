@@ -13,7 +13,13 @@ from anaplot.bundle.solve.observations import ORIENTATION, ObservationName
 from anaplot.errors import AnaplotError, InputError
 from anaplot.exchange.blockfolder import block_files, read_block, write_image_points
 from anaplot.exchange.lockfile import sessions_kept_out
-from anaplot.exchange.rejectedrows import STRATEGIES, as_before, rejecting_reason, said_by
+from anaplot.exchange.rejectedrows import (
+    STRATEGIES,
+    as_before,
+    rejecting_reason,
+    said_by,
+    times_applied,
+)
 from anaplot.photogrammetry.block import ImagePoint
 from anaplot.report.adjustcommand import adjust
 from anaplot.report.columns import counted
@@ -120,6 +126,9 @@ def _undone(options: argparse.Namespace, output: Output, before: Sequence[ImageP
     _write(options.block, before, rows)
     count = sum(now != then for now, then in zip(rows, before, strict=True))
     said = f"{counted(count, 'image point is', 'image points are')} as before --apply"
+    left = sum(said_by(row.reason) in names for row in rows)
+    if left:
+        said += f" ({left} of an earlier one stay off)"
     try:
         # the page tells of the block as the file has it: nothing goes again
         found = computed(argparse.Namespace(**{**vars(options), "thin": None}), adjust)
@@ -140,7 +149,8 @@ def applied(
 ) -> tuple[ImagePoint, ...]:
     """Return rows without the image coordinates that a strategy rejects.
 
-    The reason is its name; where a row had another use or reason before, that follows.
+    The reason is its name; where it stood in the rows before, which time it is follows, and where
+    a row had another use or reason before, that.
 
     Parameters
     ----------
@@ -158,6 +168,8 @@ def applied(
         if kind == "image":
             *key, axis = name
             gone.setdefault(tuple(key), set()).add(cast("str", axis))
+    rows = tuple(rows)
+    time = times_applied(rows).get(strategy, 0) + 1
     every, gone_points = {"x", "y"}, frozenset(points)
     return tuple(
         _without(
@@ -166,25 +178,24 @@ def applied(
             if row.point in gone_points
             else gone.get((row.photo, row.point, row.model), set()),
             strategy,
+            time,
         )
         for row in rows
     )
 
 
-def _without(row: ImagePoint, axes: set[str], strategy: Strategy) -> ImagePoint:
+def _without(row: ImagePoint, axes: set[str], strategy: Strategy, time: int) -> ImagePoint:
     left = row.use_without(axes)
     if left == row.use:
         return row
-    reason = row.reason
-    if said_by(reason) != strategy:
-        reason = rejecting_reason(strategy, row.use, reason)
-    return replace(row, use=left, reason=reason)
+    return replace(row, use=left, reason=rejecting_reason(strategy, row.use, row.reason, time))
 
 
 def taken_back(rows: Iterable[ImagePoint], strategies: Iterable[str]) -> tuple[ImagePoint, ...]:
-    """Return rows as they were before some strategies' rejections were applied."""
-    names = tuple(strategies)
-    return tuple(as_before(row, names) for row in rows)
+    """Return rows as they were before some strategies' rejections were last applied."""
+    rows, names = tuple(rows), tuple(strategies)
+    times = times_applied(rows)
+    return tuple(as_before(row, names, times) for row in rows)
 
 
 def _write(folder: Path, before: Sequence[ImagePoint], rows: Sequence[ImagePoint]) -> None:

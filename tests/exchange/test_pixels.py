@@ -81,7 +81,7 @@ def test_millimetres_through_a_lens(tmp_path: Path) -> None:
     assert row.measured == (-4.9, 3.7)
     assert np.hypot(row.x, row.y) > np.hypot(4.9, 3.7)  # k1 < 0 has pulled it inwards
     write_image_points(folder, block.image_points, block)
-    assert "1,p,-4.9,3.7," in (folder / "image_points.csv").read_text()
+    assert "1,p,-4.9,3.7\n" in (folder / "image_points.csv").read_text()
 
 
 @pytest.mark.parametrize(

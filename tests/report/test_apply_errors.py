@@ -16,6 +16,7 @@ from anaplot.adjustment.strategies import STRATEGIES
 from anaplot.errors import InputError
 from anaplot.exchange import blockfolder
 from anaplot.exchange.blockfolder import read_block
+from anaplot.exchange.imagepointscsv import format_image_points
 from anaplot.exchange.lockfile import FolderLock
 from anaplot.photogrammetry.block import ImagePoint
 from anaplot.report.applyerrors import applied, taken_back
@@ -143,8 +144,57 @@ def test_a_block_that_is_being_measured_is_left_alone(
     assert cli.main(["adjust", str(folder), "--apply-undo"]) == 0
 
 
+def test_only_what_was_applied_last_is_taken_back(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = folder / "image_points.csv"
+    rows = list(read_block(folder).image_points)
+    assert (rows[-1].photo, rows[-1].point) != ("11", "p8")
+    rows[-1] = replace(rows[-1], use="off", reason="search")
+    path.write_bytes(format_image_points(rows).encode())
+    before = path.read_bytes()
+    assert run(capsys, folder, "--errors", "search", "--apply")["applied"] == 1
+    row = next(row for row in read_block(folder).image_points if row.point == "p8" and row.reason)
+    assert (row.use, row.reason) == ("x", "search; apply: 2")
+    assert cli.main(["adjust", str(folder), "--apply-undo"]) == 0
+    said = "1 image point is as before --apply (1 of an earlier one stay off) in image_points.csv"
+    assert capsys.readouterr().out.splitlines()[0] == said
+    assert path.read_bytes() == before
+    # the earlier one goes, too, when it is asked for again
+    assert run(capsys, folder, "--apply-undo")["taken_back"] == 1
+    assert all(row.use == "xy" for row in read_block(folder).image_points)
+
+
+@pytest.mark.parametrize("columns", [("model",), ("use",), ("reason", "model"), ("use", "reason")])
+@pytest.mark.parametrize("mark", [b"", b"\xef\xbb\xbf"])
+def test_a_file_is_taken_back_to_the_byte(
+    folder: Path, mark: bytes, columns: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = folder / "image_points.csv"
+    ends, lines = ("\r\n", "\n", "\r\n", "\r"), [f"y, x ,photo,point,{','.join(columns)}"]
+    for k, row in enumerate(read_block(folder).image_points):
+        use = " " if mark else '"xy"'
+        said = {"use": use, "reason": "", "model": ""}
+        beside = ",".join(said[name] for name in columns)
+        lines.append(f'{row.y!r}0,  {row.x:+.17e} ,{row.photo},"{row.point}",{beside}')
+        lines += [" "] * (k == 7)
+    text = "".join(line + ends[k % 4] for k, line in enumerate(lines)).rstrip("\r\n")
+    before = mark + text.encode()
+    path.write_bytes(before)
+    assert run(capsys, folder, "--errors", "search", "--apply")["applied"] == 1
+    after = path.read_bytes()
+    assert after != before
+    assert after.count(b"\r\n") == before.count(b"\r\n")
+    [row] = [row for row in read_block(folder).image_points if row.use != "xy"]
+    assert (row.photo, row.point, row.reason) == ("11", "p8", "search")
+    assert run(capsys, folder, "--apply-undo")["taken_back"] == 1
+    assert path.read_bytes() == before
+
+
 USES = st.sampled_from(["xy", "x", "y", "off"])
-REASONS = st.sampled_from([None, "a lorry", "search it again", "x; before: y", "dust, or a hair"])
+REASONS = st.sampled_from(
+    [None, "a lorry", "search it again", "x; before: y", "dust, or a hair", "tau", "l1; apply: 7"]
+)
 NAMES = st.lists(
     st.tuples(
         st.sampled_from(STRATEGIES), st.sets(st.tuples(st.integers(0, 4), st.sampled_from("xy")))
@@ -159,7 +209,7 @@ def test_everything_comes_back(decided: list[tuple[str, str | None]], steps: lis
         ImagePoint("1", str(k), 1.0, 2.0, use=use, reason=reason)  # type: ignore[arg-type]
         for k, (use, reason) in enumerate(decided)
     )
-    rows = before
+    rows, history = before, []
     for strategy, rejected in steps:
         names = [("image", "1", str(k), None, axis) for k, axis in sorted(rejected)]
         names.append(("control", "0", "X"))  # type: ignore[arg-type]
@@ -167,4 +217,9 @@ def test_everything_comes_back(decided: list[tuple[str, str | None]], steps: lis
         for k, (row, was) in enumerate(zip(rows, old, strict=True)):
             for axis in "xy":
                 assert row.counts(axis) == (was.counts(axis) and (k, axis) not in rejected)
-    assert taken_back(rows, STRATEGIES) == before
+        if rows != old:
+            history.append((strategy, old))
+    # step by step, also where a name stood there before
+    for strategy, old in reversed(history):
+        rows = taken_back(rows, [strategy])
+        assert rows == old

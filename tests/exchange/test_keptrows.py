@@ -1,0 +1,168 @@
+"""image_points.csv written again over a person's file."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from anaplot.errors import InputError
+from anaplot.exchange.blockfolder import read_block, write_image_points
+from anaplot.exchange.keptrows import Written, rewritten
+from anaplot.photogrammetry.block import ImagePoint
+from anaplot.textfiles.csvlines import CsvLines, cell_value, cells_of, with_value
+
+TOML = """format = 1
+name = "b"
+[[camera]]
+id = "k"
+c = 100.0
+"""
+FILE = (
+    "\ufeffpoint,photo,x,y,sigma_um\r\n"
+    "p,1,1.50,-2.0,\r\n"
+    "\r\n"
+    '"q, r",1, 3.0 ,4e0,5\n'
+    "p,2,0.25,00.5,\r\n"
+    "s,2,7,8,"
+)
+
+
+def folder_with(tmp_path: Path, text: str) -> Path:
+    (tmp_path / "block.toml").write_text(TOML)
+    (tmp_path / "image_points.csv").write_bytes(text.encode())
+    return tmp_path
+
+
+def test_only_what_changes_is_written(tmp_path: Path) -> None:
+    folder = folder_with(tmp_path, FILE)
+    block = read_block(folder)
+    write_image_points(folder, block.image_points, block)
+    assert (folder / "image_points.csv").read_bytes() == FILE.encode()
+    first, second, third, last = block.image_points
+    rows = [
+        second,
+        ImagePoint("1", "new", 1.0, 2.0, use="off", reason="so, and so"),
+        first,
+        ImagePoint("2", "p", 0.25, 9.0),
+        last,
+    ]
+    assert third.y == 0.5
+    write_image_points(folder, rows, block)
+    assert (folder / "image_points.csv").read_bytes().decode() == (
+        "\ufeffpoint,photo,x,y,sigma_um,reason,use\r\n"
+        '"q, r",1, 3.0 ,4e0,5,,\n'
+        'new,1,1.0,2.0,,"so, and so",off\r\n'
+        "p,1,1.50,-2.0,,,\r\n"
+        "p,2,0.25,9.0,,,\r\n"
+        "s,2,7,8,,,"
+    ).replace('"q, r",1', '\r\n"q, r",1')
+    assert read_block(folder).image_points == tuple(rows)
+    write_image_points(folder, block.image_points, block)
+    # rows that were gone are written anew
+    assert (folder / "image_points.csv").read_bytes() == FILE.replace("00.5", "0.5").encode()
+
+
+def test_a_file_that_cannot_be_read_is_not_written_over(tmp_path: Path) -> None:
+    folder = folder_with(tmp_path, FILE)
+    block = read_block(folder)
+    (folder / "image_points.csv").write_text("photo,point,x,y\n1,p,one,2\n")
+    with pytest.raises(InputError, match="line 2: x"):
+        write_image_points(folder, block.image_points, block)
+    assert (folder / "image_points.csv").read_text() == "photo,point,x,y\n1,p,one,2\n"
+
+
+CELLS = st.text(st.sampled_from('ab", \t'), max_size=5)
+FIELDS = st.lists(st.tuples(CELLS, st.booleans(), st.sampled_from(["", " ", "  "])), min_size=2)
+
+
+@given(FIELDS, CELLS)
+def test_fields_are_cut_as_they_are_read(fields: list[tuple[str, bool, str]], value: str) -> None:
+    said = [
+        text.strip() if quoted else text.replace('"', "").replace(",", "").strip()
+        for text, quoted, _ in fields
+    ]
+    line = ",".join(
+        blank + ('"' + text.replace('"', '""') + '"' if quoted else text)
+        for text, (_, quoted, blank) in zip(said, fields, strict=True)
+    )
+    cells = cells_of(line)
+    assert ",".join(cells) == line
+    assert list(map(cell_value, cells)) == said
+    read = next(csv.reader([line], strict=True, skipinitialspace=True))
+    assert [text.strip() for text in read] == said
+    there = with_value(cells[0], value.strip())
+    assert cell_value(there) == value.strip()
+    assert cells_of(",".join((there, *cells[1:]))) == [there, *cells[1:]]
+
+
+@given(
+    st.text(st.sampled_from("a,\n\r \x0b\x0c\x1c\u2028"), max_size=30),
+    st.sampled_from(["", "\ufeff"]),
+)
+def test_lines_make_the_same_text(text: str, mark: str) -> None:
+    lines = CsvLines.of(f"{mark}photo,point{text}")
+    assert lines.with_rows(lines.header.text, list(lines.rows)) == f"{mark}photo,point{text}"
+
+
+NAMES = ("photo", "point", "x", "y", "sigma_um", "model", "use", "reason")
+ORDERS = (
+    NAMES,
+    NAMES[::-1],
+    ("point", "reason", "y", "use", "x", "model", "photo", "sigma_um"),
+    (*NAMES[:6], "reason", "use"),
+)
+USES = st.sampled_from(["xy", "xy", "x", "off"])
+REASONS = st.sampled_from(["", "", "so", "so, too"])
+ROWS = st.lists(st.tuples(USES, REASONS), min_size=1, max_size=3)
+
+
+@given(
+    ROWS,
+    ROWS,
+    st.sampled_from(ORDERS),
+    st.sets(st.sampled_from(["use", "reason", "model", "sigma_um"])),
+    st.booleans(),
+)
+def test_back_and_forth_is_the_same_file(
+    before: list[tuple[str, str]],
+    after: list[tuple[str, str]],
+    order: tuple[str, ...],
+    missing: set[str],
+    spelled: bool,
+) -> None:
+    count = min(len(before), len(after)) + 1
+    # how rows that count whole are spelled is seen from those that are not touched
+    before.insert(count - 1, ("xy", ""))
+    after.insert(count - 1, ("xy", ""))
+    whole = all(use == "xy" for use, _ in before[:count])
+    blank = not any(reason for _, reason in before[:count])
+    names = [
+        name
+        for name in order
+        if name not in missing or (name == "use" and not whole) or (name == "reason" and not blank)
+    ]
+    # these it takes for columns that it has added itself
+    if names[-2:] == ["reason", "use"] or names[0] in ("use", "reason"):
+        others = [name for name in names if name not in ("use", "reason")]
+        names = [others[0], "use", "reason", *others[1:]]
+
+    def rows(said: list[tuple[str, str]]) -> Written:
+        return Written(NAMES, [("1", str(k), "0.5", "1.5", "", "", *said[k]) for k in range(count)])
+
+    old, new = rows(before), rows(after)
+    said = [dict(zip(NAMES, row, strict=True)) for row in old.rows]
+    for row in said:
+        row["use"] = "" if row["use"] == "xy" and not spelled else row["use"]
+        row["reason"] = f'"{row["reason"]}"' if row["reason"] else ""
+    text = "\r\n".join([",".join(names), *(",".join(row[n] for n in names) for row in said)])
+    there = rewritten(text, old, new)
+    lines = CsvLines.of(there)
+    header = cells_of(lines.header.text)
+    for line, row in zip(lines.rows, new.rows, strict=True):
+        read = dict(zip(header, map(cell_value, cells_of(line.text)), strict=True))
+        assert (read.get("use") or "xy", read.get("reason", "")) == row[-2:]
+    assert rewritten(there, new, old).replace('"', "") == text.replace('"', "")
