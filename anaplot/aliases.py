@@ -1,12 +1,17 @@
-"""Type aliases that more than one module uses; what belongs to one module is written there."""
+"""Type aliases that more than one module uses; what belongs to one module is written there.
+
+Those of arrays are words that only a type checker resolves, and cost no NumPy; a union with one of
+them is written as a word, too.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Literal
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
-import numpy as np
-from numpy.typing import NDArray
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 __all__ = [
     "Array",
@@ -18,16 +23,17 @@ __all__ = [
     "PriorEstimator",
     "Progress",
     "RowKey",
+    "SetName",
     "Side",
     "Strategy",
     "SwitchedBy",
     "TestKind",
 ]
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
-Bools = NDArray[np.bool_]
-Index = NDArray[np.intp]
+Array: TypeAlias = "NDArray[np.float64]"
+Complex: TypeAlias = "NDArray[np.complex128]"
+Bools: TypeAlias = "NDArray[np.bool_]"
+Index: TypeAlias = "NDArray[np.intp]"
 
 Axis = Literal["x", "y"]
 """Axis of an image coordinate."""
@@ -46,6 +52,9 @@ Strategy = Literal["baarda", "tau", "rms", "modified", "huber", "danish", "l1", 
 
 SwitchedBy = Literal[Strategy, "thin"]
 """What `adjust --apply` gives as its reason: the strategy, or that the point was thinned out."""
+
+SetName = Literal["ebner", "gruen", "gruen50", "physical"]
+"""Name of a set of additional parameters."""
 
 Grouping = Literal["kinds", "axes", "strips", "operators"]
 """How image coordinates are grouped for variance components."""

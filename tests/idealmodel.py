@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from anaplot.orientation.idealmodel import ideal_model
 from anaplot.orientation.pair import Stereopair
-from anaplot.orientation.patterns import Pattern, ideal_model, pattern
+from anaplot.orientation.patterns import Pattern, pattern
 from anaplot.photogrammetry.block import TieVariance
 
 

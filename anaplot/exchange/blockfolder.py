@@ -24,12 +24,6 @@ from anaplot.exchange.conditionscsv import (
     parse_distances,
 )
 from anaplot.exchange.controlcsv import GroundPoints, format_control, parse_control
-from anaplot.exchange.imagepointscsv import (
-    format_image_points,
-    parse_image_points,
-    points_in_pixels,
-    reformat_image_points,
-)
 from anaplot.exchange.patternfile import format_pattern, read_pattern
 from anaplot.photogrammetry.block import Block, ControlPoint, ImagePoint, ImagePoints, PointPrior
 from anaplot.textfiles.csvtable import MAX_CSV_BYTES
@@ -121,13 +115,15 @@ def with_image_points(folder: Path, block: Block) -> Block:
     """
     points = folder / IMAGE_POINTS_CSV
     # A link to nowhere is not an absent file: lexists leaves the complaint to the reader.
-    there = os.path.lexists(points)
-    measured = parse_image_points(points, block) if there else ImagePoints()
-    pixels = there and points_in_pixels(points)
+    if not os.path.lexists(points):
+        return replace(block, image_points=ImagePoints(), in_pixels=False)
+    from anaplot.exchange.imagepointscsv import parse_image_points, points_in_pixels
+
+    measured = parse_image_points(points, block)
     photos = block.photos
     if not block.strips and len(block.cameras) == 1:
         photos = with_photos(photos, measured.columns.photo.values, block.cameras[0].id)
-    return replace(block, photos=photos, image_points=measured, in_pixels=pixels)
+    return replace(block, photos=photos, image_points=measured, in_pixels=points_in_pixels(points))
 
 
 def image_points_digest(folder: Path) -> str | None:
@@ -198,6 +194,8 @@ def write_image_points(
     if block is None or not os.path.lexists(path):
         data = _image_points_data(path, points, block)
     else:
+        from anaplot.exchange.imagepointscsv import reformat_image_points
+
         text = reformat_image_points(path, points, block)
         data = _bounded(path, text.encode(), MAX_CSV_BYTES)
     replace_whole(path, data)
@@ -210,6 +208,8 @@ def clear_image_points(folder: Path) -> None:
 
 
 def _image_points_data(path: Path, points: Iterable[ImagePoint], block: Block | None) -> bytes:
+    from anaplot.exchange.imagepointscsv import format_image_points
+
     return _bounded(path, format_image_points(points, block).encode(), MAX_CSV_BYTES)
 
 

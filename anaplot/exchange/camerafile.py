@@ -158,12 +158,13 @@ def parse_camera(text: str, path: Path) -> CameraCalibration:
         **distances,
         **distortion,
     )
-    from anaplot.photogrammetry.refinement import Refinement
+    if made.distorts:
+        from anaplot.photogrammetry.refinement import Refinement
 
-    try:
-        Refinement.of(made)
-    except InputError as error:
-        raise root.fail(str(error), "distortion" if lens is None else "lens") from None
+        try:
+            Refinement.of(made)
+        except InputError as error:
+            raise root.fail(str(error), "distortion" if lens is None else "lens") from None
     return made
 
 

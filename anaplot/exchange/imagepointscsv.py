@@ -13,16 +13,7 @@ from anaplot.aliases import Array, Index
 from anaplot.errors import InputError
 from anaplot.exchange.keptrows import Written, rewritten
 from anaplot.photogrammetry.block import Block, Camera, ImagePoint, Strip
-from anaplot.photogrammetry.imagepoints import (
-    Coded,
-    ImagePoints,
-    PointColumns,
-    paired,
-    read_columns,
-    samples,
-    stand_again,
-    stated_sigmas,
-)
+from anaplot.photogrammetry.imagepoints import ImagePoints
 from anaplot.photogrammetry.measuredimage import (
     first_beyond_reach,
     has_lens,
@@ -30,6 +21,15 @@ from anaplot.photogrammetry.measuredimage import (
     measured_places,
     mm_of_pixels,
     rows_by_camera,
+)
+from anaplot.photogrammetry.pointcolumns import (
+    Coded,
+    PointColumns,
+    paired,
+    read_columns,
+    samples,
+    stand_again,
+    stated_sigmas,
 )
 from anaplot.photogrammetry.selection import model_name, model_splits
 from anaplot.textfiles.csvtable import MAX_CSV_BYTES, CsvColumns, csv_text_of_columns, read_csv

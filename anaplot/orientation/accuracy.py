@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from anaplot.aliases import Array
-from anaplot.orientation.patterns import trace_in_bases
+from anaplot.orientation.idealmodel import trace_in_bases
 from anaplot.orientation.results import ModelSolution
 
 __all__ = ["ModelAccuracy", "model_accuracy"]

@@ -12,7 +12,7 @@ import numpy as np
 
 from anaplot.aliases import Array
 from anaplot.errors import NotComputableError
-from anaplot.orientation.patterns import ideal_model
+from anaplot.orientation.idealmodel import ideal_model
 from anaplot.orientation.residuals import residual_system
 from anaplot.orientation.results import ModelSolution
 

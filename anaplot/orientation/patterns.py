@@ -1,29 +1,19 @@
-"""The point patterns of the paper, and their reliability (1983, Figures 1, 2, 4 and 7).
+"""The point patterns of the paper (1983, Figures 1, 2, 4 and 7): where their points lie.
 
 Standard points: 1, 2, 3 are the upper, middle and lower point under the left projection centre,
 4, 5, 6 the same under the right one, 7, 8, 9 the column between them. In a regular pattern of four
 or five lines 12 lies between 1 and 2, 23 between 2 and 3, and so on. A doubled point is two points
-a few millimetres apart: 1 and 1'. Everything that is said of a pattern is computed by the code that
-computes measured models.
+a few millimetres apart: 1 and 1'.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from math import hypot
 from types import MappingProxyType
-
-import numpy as np
 
 from anaplot.aliases import Side
 from anaplot.errors import InputError
-from anaplot.orientation.conditionequations import ModelUnknowns
-from anaplot.orientation.model import orient
-from anaplot.orientation.pair import Stereopair, TieErrors
-from anaplot.orientation.results import ModelSolution
-from anaplot.orientation.tieerrors import stationary_errors
-from anaplot.photogrammetry.block import Precision, TestSettings, TieVariance
 from anaplot.textfiles.wording import hint, quoted
 
 __all__ = [
@@ -33,9 +23,7 @@ __all__ = [
     "USUAL_C",
     "USUAL_D",
     "Pattern",
-    "ideal_model",
     "pattern",
-    "trace_in_bases",
 ]
 
 USUAL_BASE, USUAL_D, USUAL_C = 90.0, 100.0, 152.0
@@ -49,7 +37,6 @@ _LINE = {"1": 1, "7": 1, "4": 1, "2": 0, "8": 0, "5": 0, "3": -1, "9": -1, "6": 
 _UPPER = "174"  # between one of these and the point below it lies the second line
 _UNDER_RIGHT = str.maketrans("456", "123")
 _TWIN = "'"
-_SET = 0.05  # bases: how far from its place a point is set by hand
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,85 +115,6 @@ class Pattern:
         # the line next to the middle, or the middle's neighbour
         step = (self.lines - 3) / (self.lines - 1)
         return step if label[0] in _UPPER else -step
-
-
-def ideal_model(
-    positions: Mapping[str, tuple[float, float]],
-    ties: tuple[str, ...],
-    base: float,
-    c: float,
-    tie_variance: TieVariance = "paper",
-    off: frozenset[tuple[str, str]] = frozenset(),
-) -> ModelSolution:
-    """Orient a model of vertical photos and flat ground.
-
-    Parameters
-    ----------
-    positions
-        x, y in the left photo [mm] by label.
-    ties
-        Labels of the points shared with a preceding model of the same base.
-    base, c
-        Base at photo scale and camera constant [mm].
-    tie_variance
-        Cofactor of the x rows: "paper", "propagated" or "exact".
-    off
-        Rows (label, axis) that are left out.
-
-    Raises
-    ------
-    NotComputableError
-        The points do not determine the model.
-    """
-    xl = np.array(list(positions.values()))
-    pair = Stereopair(
-        left="left",
-        right="right",
-        points=tuple(positions),
-        xl=xl,
-        xr=xl - [base, 0.0],
-        c_left=c,
-        c_right=c,
-        ties={label: (*positions[label], -c) for label in ties} or None,
-        preceding_bx=base if ties else None,
-        base=base,
-        off=off,
-    )
-    if tie_variance == "exact" and ties:
-        pair = replace(pair, tie_errors=_in_a_strip(pair, base))
-    return orient(pair, Precision(tie_variance=tie_variance), TestSettings(kind="baarda"))
-
-
-def _in_a_strip(pair: Stereopair, base: float) -> TieErrors:
-    """Return how the ties of an ideal model err in a long strip of such models.
-
-    A tie was the point one base further on in the preceding model: the nearest one there, up to
-    `_SET` bases away, each for one tie. Where there is none, that model had a point more.
-    """
-    names, xl = list(pair.points), pair.xl.tolist()
-    free = dict(zip(names, xl, strict=True))
-    onward: dict[str, str] = {}
-    for tie, (x, y, _) in (pair.ties or {}).items():
-        away = {name: hypot(px - x - base, py - y) for name, (px, py) in free.items()}
-        nearest = min(away, key=away.__getitem__, default="")
-        if not nearest or away[nearest] > _SET * base:
-            nearest = f"{tie}, next"
-            names.append(nearest)
-            xl.append((x + base, y))
-        free.pop(nearest, None)
-        onward[tie] = nearest
-    left = np.array(xl)
-    model = replace(pair, points=tuple(names), xl=left, xr=left - [base, 0.0])
-    return stationary_errors(model, ModelUnknowns(base, 0.0, 0.0, np.eye(3)), onward)
-
-
-def trace_in_bases(solution: ModelSolution, base: float) -> float:
-    """Return the trace of Q_gg of an ideal model, lengths in units of its base [mm]."""
-    trace = float(np.trace(solution.q_gg)) * base * base
-    if solution.ties:
-        # bx itself is a length: bx / b and image coordinates / b shrink alike
-        trace += float(solution.q_gg[0, 0]) * (1.0 - base * base)
-    return trace
 
 
 _SIX = ("1", "2", "3", "4", "5", "6")

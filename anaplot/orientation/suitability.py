@@ -7,8 +7,9 @@ from collections.abc import Iterable
 from anaplot.adjustment.partners import rounded
 from anaplot.adjustment.tested import Transfer
 from anaplot.orientation.diagnosis import diagnose
+from anaplot.orientation.idealmodel import ideal_model
 from anaplot.orientation.ownpattern import PointPattern
-from anaplot.orientation.patterns import USUAL_C, USUAL_D, ideal_model
+from anaplot.orientation.patterns import USUAL_C, USUAL_D
 from anaplot.orientation.results import Row
 from anaplot.textfiles.wording import plain
 

@@ -22,15 +22,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import exp
-from typing import NamedTuple
 
-import numpy as np
-
-from anaplot.aliases import Array
-from anaplot.errors import NotComputableError
-from anaplot.photogrammetry.planar import as_points
-
-__all__ = ["HIGHEST", "LOWEST", "AirAndEarth", "RadialShift", "refraction_constant"]
+__all__ = ["HIGHEST", "LOWEST", "AirAndEarth", "refraction_constant"]
 
 LOWEST, HIGHEST = -500.0, 20_000.0
 """Heights [m] of the standard atmosphere here."""
@@ -42,59 +35,6 @@ _SEA_KELVIN, _LAPSE = 288.15, 0.0065  # at sea level; K / m up to the tropopause
 _SEA_PASCAL = 101_325.0
 _TROPOPAUSE = 11_000.0  # m; above it the temperature stays
 _REFRACTIVITY = 2.77e-4 / 1.225  # n - 1 by density [m^3 / kg]: visible light, 15 degrees, sea level
-_STEPS = 20
-
-
-class RadialShift(NamedTuple):
-    """A radial displacement dr = linear r + cubic r^3 about the principal point [mm].
-
-    r is where the image is, and dr is subtracted to give the place without it.
-    """
-
-    linear: float
-    cubic: float
-
-    def at(self, radius: float) -> float:
-        """Return dr [mm] at a radius [mm]."""
-        return self.linear * radius + self.cubic * radius**3
-
-    def taken_off(self, xy: Array) -> Array:
-        """Return (n, 2) places without the displacement, of (n, 2) displaced ones [mm]."""
-        places = as_points(xy)
-        square = np.sum(places * places, axis=1, keepdims=True)
-        free: Array = places * (1.0 - self.linear - self.cubic * square)
-        return free
-
-    def put_on(self, xy: Array) -> Array:
-        """Return (n, 2) displaced places, the inverse of `taken_off`.
-
-        Raises
-        ------
-        NotComputableError
-            So far out that nothing is imaged there.
-        """
-        free = as_points(xy)
-        square = np.sum(free * free, axis=1, keepdims=True)
-        ratio = np.ones_like(square)  # of displaced to free radius
-        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            for _ in range(_STEPS):
-                bent = self.cubic * square * ratio**2
-                gap = ratio * (1.0 - self.linear - bent) - 1.0
-                ratio = ratio - gap / (1.0 - self.linear - 3.0 * bent)
-            gap = ratio * (1.0 - self.linear - self.cubic * square * ratio**2) - 1.0
-        if not (np.abs(gap) < 1e-12).all() or not (ratio > 0.0).all():
-            raise NotComputableError("refraction and curvature cannot be inverted so far out")
-        shifted: Array = free * ratio
-        return shifted
-
-    def jacobian(self, xy: Array) -> Array:
-        """Return (n, 2, 2) derivatives of `taken_off` at (n, 2) displaced places [mm]."""
-        places = as_points(xy)
-        square = np.sum(places * places, axis=1)
-        scale = 1.0 - self.linear - self.cubic * square
-        outer = places[:, :, None] * places[:, None, :]
-        derivative: Array = scale[:, None, None] * np.eye(2) - 2.0 * self.cubic * outer
-        return derivative
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,15 +62,15 @@ class AirAndEarth:
         )
         return [(what, one) for what, one in parts if one.refraction or one.earth_curvature]
 
-    def shift(self, c: float) -> RadialShift:
-        """Return the displacement in a camera of constant `c` [mm]."""
+    def radial(self, c: float) -> tuple[float, float]:
+        """Return the terms of dr in r [1] and r^3 [mm^-2], in a camera of constant `c` [mm]."""
         linear = cubic = 0.0
         if self.refraction:
             linear = refraction_constant(self.flying_height, self.ground_height)
             cubic = linear / c**2
         if self.earth_curvature:
             cubic -= (self.flying_height - self.ground_height) / (2.0 * _RADIUS * c**2)
-        return RadialShift(linear, cubic)
+        return linear, cubic
 
 
 def refraction_constant(flying_height: float, ground_height: float) -> float:

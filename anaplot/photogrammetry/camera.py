@@ -171,6 +171,11 @@ class CameraCalibration:
     pixel_um: float | None = None
     principal_px: tuple[float, float] | None = None
 
+    @property
+    def distorts(self) -> bool:
+        """Whether a lens or a distortion is stated."""
+        return self.lens is not None or self.radial is not None or any(self.decentring)
+
     def fiducial_names(self) -> tuple[str, ...]:
         """Return the names of all fiducials, in the order in which the certificate names them."""
         if self.fiducials:

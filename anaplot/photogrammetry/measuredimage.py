@@ -8,15 +8,17 @@ coordinates in mm have it at the principal point, and y up; ideal ones are those
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import TypeAlias
 
 import numpy as np
 
 from anaplot.aliases import Array, Index
 from anaplot.photogrammetry.block import Block, Camera, ImagePoint
 from anaplot.photogrammetry.camera import CameraCalibration
-from anaplot.photogrammetry.imagepoints import Coded, PointColumns, columns_of
+from anaplot.photogrammetry.imagepoints import columns_of
 from anaplot.photogrammetry.lens import lens_places, without_lens
 from anaplot.photogrammetry.planar import as_points
+from anaplot.photogrammetry.pointcolumns import Coded, PointColumns
 
 __all__ = [
     "COMPUTED_DIGITS",
@@ -39,7 +41,7 @@ Far below what any instrument resolves, and above what the arithmetic of differe
 uncertain: a replay finds the same coordinates to the last digit.
 """
 
-Pairs = Sequence[tuple[float, float]] | Array
+Pairs: TypeAlias = "Sequence[tuple[float, float]] | Array"
 
 
 def has_lens(camera: Camera) -> bool:

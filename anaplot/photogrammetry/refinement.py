@@ -19,7 +19,7 @@ import numpy as np
 
 from anaplot.aliases import Array
 from anaplot.errors import InputError, NotComputableError
-from anaplot.photogrammetry.airandearth import AirAndEarth, RadialShift
+from anaplot.photogrammetry.airandearth import AirAndEarth
 from anaplot.photogrammetry.camera import (
     CameraCalibration,
     RadialPolynomial,
@@ -28,6 +28,7 @@ from anaplot.photogrammetry.camera import (
 )
 from anaplot.photogrammetry.lens import lens_places, through_lens, without_lens
 from anaplot.photogrammetry.planar import as_points, solve_pairs
+from anaplot.photogrammetry.radialshift import RadialShift
 
 __all__ = ["Refinement"]
 
@@ -99,7 +100,7 @@ class Refinement:
             calibration.decentring,
             calibration.symmetry_point,
             lens,
-            None if air is None else air.shift(calibration.c),
+            None if air is None else RadialShift.of(air, calibration.c),
         )
         if not folds:
             made._refuse_fold(calibration)

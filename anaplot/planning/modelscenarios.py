@@ -26,6 +26,7 @@ from anaplot.planning.patternplan import from_pattern, solve
 from anaplot.planning.plantederrors import hard_to_tell
 from anaplot.planning.quantities import YES_OR_NO, Quantity, share
 from anaplot.planning.scenarioalpha import PAPER_ALPHA
+from anaplot.planning.scenarionames import scenario_of_pattern
 
 __all__ = ["OneError", "SizeOfTests", "model_rows", "scenarios"]
 
@@ -289,8 +290,5 @@ _FOUND: dict[str, dict[QuantityKey, float]] = {
 
 def scenarios() -> tuple[Scenario, ...]:
     """Return the scenarios on single models."""
-    one = [
-        OneError(f"kratky-1983-{name.replace('/', '-')}", name, _FOUND.get(name, {}))
-        for name in PATTERNS
-    ]
+    one = [OneError(scenario_of_pattern(name), name, _FOUND.get(name, {})) for name in PATTERNS]
     return (*one, SizeOfTests())

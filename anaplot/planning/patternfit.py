@@ -6,8 +6,9 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from anaplot.errors import NotComputableError
+from anaplot.orientation.idealmodel import ideal_model
 from anaplot.orientation.ownpattern import OwnPattern
-from anaplot.orientation.patterns import FEWEST_TIES, USUAL_C, ideal_model
+from anaplot.orientation.patterns import FEWEST_TIES, USUAL_C
 from anaplot.photogrammetry.block import Block, Camera
 from anaplot.planning.modelplan import standard_base, standard_d, ties_among
 from anaplot.textfiles.wording import plain, quoted

@@ -12,9 +12,10 @@ import numpy as np
 from anaplot.aliases import Array, Index
 from anaplot.errors import NotComputableError
 from anaplot.orientation.conditionequations import ConditionEquations, ModelUnknowns
+from anaplot.orientation.idealmodel import ideal_model
 from anaplot.orientation.model import WrongPointsError
 from anaplot.orientation.pair import Stereopair
-from anaplot.orientation.patterns import Pattern, ideal_model
+from anaplot.orientation.patterns import Pattern
 from anaplot.orientation.results import ModelSolution
 from anaplot.photogrammetry.block import TieVariance
 

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from anaplot.report.document import Answer, Document, Line, say
 from anaplot.report.photocures import PhotoCures, cure_words
 from anaplot.session.filedaccidents import MOST_MEASUREMENTS, BlockAccidents
-from anaplot.session.photoaccidents import PhotoAccident
+
+if TYPE_CHECKING:
+    from anaplot.session.photoaccidents import PhotoAccident
 
 __all__ = [
     "accidents_answer",

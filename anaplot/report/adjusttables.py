@@ -24,7 +24,8 @@ from anaplot.bundle.solve.externalreliability import ExternalReliability, Larges
 from anaplot.bundle.solve.observations import ObservationName
 from anaplot.bundle.solve.parametercorrelations import ORIENTATION_PAIRS, photo_correlations
 from anaplot.bundle.solve.photochecks import photo_checks, photo_overlaps
-from anaplot.photogrammetry.imagepoints import columns_of, use_counts
+from anaplot.photogrammetry.imagepoint import use_counts
+from anaplot.photogrammetry.imagepoints import columns_of
 from anaplot.report.document import (
     Column,
     Table,

@@ -7,6 +7,7 @@ from dataclasses import asdict
 from math import hypot
 
 from anaplot.photogrammetry.inneradvice import inner_advice
+from anaplot.photogrammetry.radialshift import RadialShift
 from anaplot.report.columns import counted
 from anaplot.report.document import (
     BLANK,
@@ -129,7 +130,7 @@ def _taken_off(measured: Measured, groups: Sequence[InnerGroup]) -> list[Line]:
     for camera in {group.camera.id: group.camera for group in groups}.values():
         radius = camera.c if camera.format is None else 0.5 * hypot(*camera.format)
         for what, part in () if air is None else air.parts():
-            um = 1e3 * part.shift(camera.c).at(radius)
+            um = 1e3 * RadialShift.of(part, camera.c).at(radius)
             said.append(
                 say(
                     "  {} is taken off: {:.1f} um {}wards at {:.1f} mm from the principal point "

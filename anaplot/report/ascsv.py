@@ -6,9 +6,7 @@ import csv
 import io
 from typing import Any
 
-import numpy as np
-
-from anaplot.report.document import Table, Values
+from anaplot.report.document import Table, Values, is_array
 
 __all__ = ["csv_text"]
 
@@ -28,7 +26,9 @@ def csv_text(table: Table) -> str:
 
 
 def _cells(values: Values) -> list[Any]:
-    if isinstance(values, np.ndarray):
+    if is_array(values):
+        import numpy as np
+
         if values.dtype.kind == "b":
             values = values.astype(int)
         elif values.dtype.kind == "f" and np.isfinite(values).all():

@@ -6,20 +6,22 @@ text of a large table is never there as a whole.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from json.encoder import encode_basestring_ascii
+from math import inf, isinf
 from types import NoneType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
+from anaplot.report.document import Answer, Column, Table, Values, is_array
 
-from anaplot.report.document import Answer, Column, Table, Values
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 __all__ = ["json_parts", "json_text"]
 
 _INFINITE = "infinity does not stand in JSON"
 _FINITE = {str, int, bool, NoneType}
+_OTHERS = {"nan", "inf", "-inf", "None"}  # what stands for a number that is none
 _ROWS = 4096  # of a table that are written at once
 
 
@@ -48,7 +50,7 @@ def json_parts(answer: Answer) -> Iterator[str]:
 
 def _refuse_infinity(value: Any) -> None:
     if isinstance(value, float):
-        if value in (np.inf, -np.inf):
+        if isinf(value):
             raise ValueError(_INFINITE)
     elif isinstance(value, Table):
         for _, values in value.for_programs():
@@ -56,15 +58,16 @@ def _refuse_infinity(value: Any) -> None:
     elif isinstance(value, Mapping):
         for inner in value.values():
             _refuse_infinity(inner)
-    elif isinstance(value, np.ndarray):
+    elif is_array(value):
         if value.dtype.kind != "f":
             _refuse_infinity(value.tolist())
-        elif np.isinf(value).any():
+        elif inf in abs(value):
             raise ValueError(_INFINITE)
     elif not isinstance(value, str | int | NoneType):
         kinds = set(map(type, value))
         if kinds <= {float, NoneType}:
-            _refuse_infinity(np.array(value, dtype=float))
+            if inf in value or -inf in value:
+                raise ValueError(_INFINITE)
         elif not kinds <= _FINITE:
             for inner in value:
                 _refuse_infinity(inner)
@@ -107,7 +110,7 @@ def _value(value: Any, level: int) -> str:
 def _float(value: float) -> str:
     if value != value:
         return "null"
-    if value in (np.inf, -np.inf):
+    if isinf(value):
         raise ValueError(_INFINITE)
     return float.__repr__(value)
 
@@ -139,16 +142,14 @@ def _table_parts(table: Table, level: int) -> Iterator[str]:
 
 def _cells(column: Column, values: Values, level: int) -> list[str]:
     """Return the cells of a column."""
-    if column.parts and isinstance(values, np.ndarray):
+    if column.parts and is_array(values):
         return _vectors(values, level)
     return _items(values, level)
 
 
 def _items(values: Values, level: int) -> list[str]:
     """Return values one by one, or all at once where they are of one kind."""
-    if isinstance(values, np.ndarray):
-        if values.ndim == 1 and values.dtype.kind == "f":
-            return _numbers(values)
+    if is_array(values):
         values = values.tolist()
     kinds = set(map(type, values))
     if kinds == {str}:
@@ -156,7 +157,7 @@ def _items(values: Values, level: int) -> list[str]:
     if kinds == {int}:
         return list(map(repr, values))
     if kinds <= {float, NoneType}:
-        return _numbers(np.array(values, dtype=float))
+        return _numbers(values)
     if kinds == {str, NoneType}:
         return ["null" if v is None else encode_basestring_ascii(v) for v in values]
     if kinds == {bool}:
@@ -164,21 +165,21 @@ def _items(values: Values, level: int) -> list[str]:
     return [_value(value, level) for value in values]
 
 
-def _numbers(values: NDArray[Any]) -> list[str]:
-    cells = list(map(repr, values.tolist()))
-    if not np.isfinite(values).all():
-        if np.isinf(values).any():
-            raise ValueError(_INFINITE)
-        for k in np.flatnonzero(np.isnan(values)).tolist():
-            cells[k] = "null"
-    return cells
+def _numbers(values: Iterable[float | None]) -> list[str]:
+    """Return numbers, null for NaN and None."""
+    cells = list(map(repr, values))
+    if _OTHERS.isdisjoint(cells):
+        return cells
+    if "inf" in cells or "-inf" in cells:
+        raise ValueError(_INFINITE)
+    return ["null" if cell in _OTHERS else cell for cell in cells]
 
 
 def _vectors(values: NDArray[Any], level: int) -> list[str]:
     """Return vectors, null for those that do not exist."""
     size = values.shape[1]
     row = _laid_out("[", ["%s"] * size, "]", level)
-    cells = list(map(row.__mod__, zip(*[iter(_numbers(values.ravel()))] * size, strict=True)))
-    for k in np.flatnonzero(np.isnan(values).all(axis=1)).tolist():
-        cells[k] = "null"
-    return cells
+    numbers = _numbers(values.ravel().tolist())
+    cells = list(map(row.__mod__, zip(*[iter(numbers)] * size, strict=True)))
+    nothing = row % (("null",) * size)
+    return ["null" if cell == nothing else cell for cell in cells]

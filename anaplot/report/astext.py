@@ -4,15 +4,23 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain, compress
 from typing import Any, NamedTuple
 
-import numpy as np
-
-from anaplot.aliases import Array, Index
 from anaplot.report.columns import PAGE, cell, column, fitted, shortened, wrapped
-from anaplot.report.document import Block, Column, Figure, Line, Listed, Names, Table, Value, Values
+from anaplot.report.document import (
+    Block,
+    Column,
+    Figure,
+    Line,
+    Listed,
+    Names,
+    Table,
+    Value,
+    Values,
+    is_array,
+)
 from anaplot.textfiles.wording import plain
 
 __all__ = [
@@ -165,7 +173,7 @@ def _table_parts(table: Table, everything: bool) -> Iterator[list[str]]:
         width = one.width or 0
         names = None
         if one.align == "<":
-            names = cell_texts(one, values, chosen, n)  # the longest of all says how wide it is
+            names = cell_texts(one, values, chosen)  # the longest of all says how wide it is
             title = len(one.title) if one.head is None else 0
             width = max([title, width, *map(len, names)])
             head = f"{'':{one.gap}}{one.title:<{width}}"
@@ -185,7 +193,7 @@ def _table_parts(table: Table, everything: bool) -> Iterator[list[str]]:
         last = first + _AT_ONCE
         some = chosen[first:last]
         cells = (
-            cell_texts(one, values, some, n) if names is None else names[first:last]
+            cell_texts(one, values, some) if names is None else names[first:last]
             for one, values, names in columns
         )
         every = tuple(chain.from_iterable(zip(*cells, strict=True)))
@@ -197,12 +205,14 @@ def _table_parts(table: Table, everything: bool) -> Iterator[list[str]]:
         yield [_left_out(table, len(chosen))]
 
 
-def _grouped(table: Table, chosen: Index, rows: list[str], before: Any) -> tuple[list[str], Any]:
+def _grouped(
+    table: Table, chosen: Sequence[int], rows: list[str], before: Any
+) -> tuple[list[str], Any]:
     """Return rows with a line above those of each group, and the last group."""
     keys = [column.key for column in table.columns]
     groups = table.values[keys.index(table.group)]
     lines: list[str] = []
-    for k, row in zip(chosen.tolist(), rows, strict=True):
+    for k, row in zip(chosen, rows, strict=True):
         if groups[k] != before:
             before = groups[k]
             lines.append(plain(str(before)))
@@ -210,16 +220,16 @@ def _grouped(table: Table, chosen: Index, rows: list[str], before: Any) -> tuple
     return lines, before
 
 
-def _chosen(table: Table, everything: bool) -> Index:
+def _chosen(table: Table, everything: bool) -> Sequence[int]:
     """Return the rows that are shown."""
     n = len(table)
     if everything:
-        return np.arange(n)
+        return range(n)
     if table.most is not None:
-        return np.arange(min(n, table.most))
+        return range(min(n, table.most))
     if n <= MOST_ROWS:
-        return np.arange(n)
-    return np.nonzero(table.marked())[0][:MOST_ROWS]
+        return range(n)
+    return table.marked()[:MOST_ROWS]
 
 
 def _left_out(table: Table, shown: int) -> str:
@@ -230,36 +240,34 @@ def _left_out(table: Table, shown: int) -> str:
     return f"  ... {rows}; --all prints them"
 
 
-def cell_texts(column: Column, values: Values, chosen: Index, n: int) -> list[str]:
+def cell_texts(column: Column, values: Values, chosen: Sequence[int]) -> list[str]:
     """Return what stands in the cells of the chosen rows, without blanks around it."""
-    if isinstance(values, np.ndarray):
-        some: Any = values if len(chosen) == n else values[chosen]
+    each: Any
+    if isinstance(chosen, range):
+        each = values[chosen.start : chosen.stop]
     else:
-        some = values if len(chosen) == n else [values[k] for k in chosen.tolist()]
+        each = values[chosen] if is_array(values) else [values[k] for k in chosen]
+    if is_array(each):
+        each = each.tolist()
     if column.decimals is not None:
-        numbers = _lengths(some) if column.parts else np.asarray(some, dtype=float)
-        return _numbers(numbers * column.scale, column)
-    each = some.tolist() if isinstance(some, np.ndarray) else some
+        numbers = map(_length, each) if column.parts else each
+        return _numbers([math.nan if v is None else v * column.scale for v in numbers], column)
     write = str if column.form is None else column.form
     texts = [column.none if v is None else write(v) for v in each]
     return texts if "".join(texts).isprintable() else [plain(text) for text in texts]
 
 
-def _lengths(values: Values) -> Array:
-    """Return the lengths of vectors; NaN of those that do not exist."""
-    each = values.tolist() if isinstance(values, np.ndarray) else values
-    return np.array([math.nan if v is None else math.hypot(*v) for v in each], dtype=float)
+def _length(vector: Iterable[float] | None) -> float | None:
+    """Return the length of a vector; None of one that does not exist."""
+    return None if vector is None else math.hypot(*vector)
 
 
-def _numbers(values: Any, column: Column) -> list[str]:
+def _numbers(each: Sequence[float], column: Column) -> list[str]:
     """Return numbers in at most a cell's width; all at once, as most of them fit."""
-    each = values.tolist()
     texts = "\n".join([f"%.{column.decimals}f"] * len(each)) % tuple(each)
     cells = texts.split("\n") if each else []
     most = (column.width or 0) - 1
     if max(map(len, cells), default=0) > most:
         for k in compress(range(len(cells)), (len(text) > most for text in cells)):
             cells[k] = fitted(each[k], column.decimals or 0, most)
-    for k in np.nonzero(np.isnan(values))[0].tolist():
-        cells[k] = column.none
-    return cells
+    return [column.none if text == "nan" else text for text in cells]

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from typing import NamedTuple
 
-import numpy as np
-
 from anaplot.photogrammetry.block import Block, Camera
 from anaplot.photogrammetry.imagepoints import columns_of
 from anaplot.report.columns import counted
@@ -84,17 +82,16 @@ class BlockContents(NamedTuple):
 
 def contents_of(block: Block) -> BlockContents:
     """Return what there is in a block."""
-    columns = columns_of(block.image_points)
-    counted = np.isin(np.arange(len(columns)), columns.with_use("off"), invert=True)
-    rays_of = np.bincount(columns.point.index[counted], minlength=1)
+    rays = len(block.image_points)
+    rays_of = columns_of(block.image_points).rays_of_points() if rays else []
     photos_of = Counter(photo.camera for photo in block.photos)
     return BlockContents(
         len(block.photos),
         sum(photo.position is not None and photo.rotation is not None for photo in block.photos),
-        len(block.image_points),
-        int((~counted).sum()),
-        int((rays_of > 0).sum()),
-        int((rays_of == 1).sum()),
+        rays,
+        rays - sum(rays_of),
+        len(rays_of) - rays_of.count(0),
+        rays_of.count(1),
         sum(row.use == "control" for row in block.control),
         sum(row.use == "check" for row in block.control),
         sum(row.use == "control" for row in block.conditions),

@@ -128,13 +128,13 @@ def _cameras() -> list[str]:
 
 
 def _scenarios() -> list[str]:
-    from anaplot.planning.scenarios import scenarios
+    from anaplot.planning.scenarionames import scenario_names
 
-    return [*scenarios(), *_patterns(), "cube"]
+    return [*scenario_names(), *_patterns(), "cube"]
 
 
 def _sets() -> tuple[str, ...]:
-    from anaplot.bundle.solve.additional import SetName
+    from anaplot.aliases import SetName
 
     return get_args(SetName)
 

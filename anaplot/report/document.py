@@ -11,11 +11,11 @@ import string
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import count
-from typing import Any, Literal, TypeAlias
+from itertools import compress, count
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeGuard
 
-import numpy as np
-from numpy.typing import NDArray
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 __all__ = [
     "BLANK",
@@ -31,6 +31,7 @@ __all__ = [
     "Value",
     "Values",
     "for_programs",
+    "is_array",
     "name",
     "named",
     "number",
@@ -45,7 +46,7 @@ __all__ = [
 Answer: TypeAlias = dict[str, Any]
 """What programs read: numbers, names, None, lists, further answers, tables; keys in order."""
 
-Values: TypeAlias = Sequence[Any] | NDArray[Any]
+Values: TypeAlias = "Sequence[Any] | NDArray[Any]"
 Kind: TypeAlias = Literal["text", "heading", "remark", "look"]
 
 
@@ -295,14 +296,13 @@ class Table:
         by_name = {pair[0].key or pair[0].title: pair for pair in pairs}
         return [by_name[key] for key in self.shown]
 
-    def marked(self) -> NDArray[np.bool_]:
-        """Return (n,) which rows need a look."""
-        pairs = zip(self.columns, self.values, strict=True)
-        marked = np.zeros(len(self), dtype=bool)
-        for column, values in pairs:
+    def marked(self) -> list[int]:
+        """Return which rows need a look, in their order."""
+        marked: set[int] = set()
+        for column, values in zip(self.columns, self.values, strict=True):
             if column.look is not None:
-                marked |= np.fromiter(map(column.look, values), dtype=bool, count=len(self))
-        return marked
+                marked.update(compress(range(len(self)), map(column.look, values)))
+        return sorted(marked)
 
     def for_programs(self) -> list[tuple[Column, Values]]:
         """Return the columns of JSON and CSV."""
@@ -474,8 +474,16 @@ def named(
     return Names(tuple(lines), most, more, separator)
 
 
+def is_array(values: object) -> TypeGuard[NDArray[Any]]:
+    """Return whether values are an array of NumPy, which is not loaded for the question.
+
+    Where one is, NumPy is loaded: what needs it then imports it for itself.
+    """
+    return hasattr(values, "__array__") and hasattr(values, "__len__")
+
+
 def _component(values: Values, k: int) -> Values:
-    if isinstance(values, np.ndarray):
+    if is_array(values):
         component: NDArray[Any] = values[:, k]
         return component
     return [None if v is None else v[k] for v in values]
@@ -483,19 +491,23 @@ def _component(values: Values, k: int) -> Values:
 
 def vectors(values: NDArray[Any]) -> list[list[float] | None]:
     """Return the vectors of a column (n, k); None for what does not exist."""
+    import numpy as np
+
     there = ~np.isnan(values).all(axis=1)
     return [v if some else None for v, some in zip(values.tolist(), there.tolist(), strict=True)]
 
 
 def _plain_cells(column: Column, values: Values) -> list[Any]:
-    if column.parts and isinstance(values, np.ndarray):
+    if column.parts and is_array(values):
         return [plain_value(vector) for vector in vectors(values)]
     return plain_values(values)
 
 
 def plain_values(values: Values) -> list[Any]:
     """Return a column's values as JSON has them."""
-    if isinstance(values, np.ndarray):
+    if is_array(values):
+        import numpy as np
+
         if values.dtype.kind == "f" and not np.isfinite(values).all():
             return [plain_value(value) for value in values.tolist()]
         plain: list[Any] = values.tolist()
@@ -513,6 +525,6 @@ def plain_value(value: Any) -> Any:
         return value.records()
     if isinstance(value, Mapping):
         return {key: plain_value(inner) for key, inner in value.items()}
-    if isinstance(value, np.ndarray):
+    if is_array(value):
         return plain_values(value)
     return [plain_value(inner) for inner in value]

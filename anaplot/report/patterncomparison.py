@@ -12,7 +12,7 @@ import numpy as np
 
 from anaplot.errors import InputError
 from anaplot.orientation.diagnosis import diagnose
-from anaplot.orientation.patterns import trace_in_bases
+from anaplot.orientation.idealmodel import trace_in_bases
 from anaplot.orientation.results import ModelSolution
 from anaplot.photogrammetry.block import TieVariance
 from anaplot.planning.patternplan import solve

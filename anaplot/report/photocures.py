@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from anaplot.errors import InputError, NotComputableError
 from anaplot.photogrammetry.block import Block
 from anaplot.photogrammetry.selection import rows_by_photo
-from anaplot.session.photoaccidents import (
-    PhotoAccident,
-    PhotoAccidentKind,
-    photo_accidents,
-    with_photos_exchanged,
-)
+
+if TYPE_CHECKING:
+    from anaplot.session.photoaccidents import PhotoAccident, PhotoAccidentKind
 
 __all__ = ["PhotoCures", "StripsPutRight", "cure_words", "naming_wrong_photos", "photo_cures"]
 
@@ -50,6 +47,8 @@ def photo_cures(block: Block, accidents: Iterable[PhotoAccident]) -> PhotoCures:
     accidents
         Of its photographs; what is found before a pair is put right with it.
     """
+    from anaplot.session.photoaccidents import with_photos_exchanged
+
     found = {}
     for one in accidents:
         for pair in one.pairs:
@@ -107,6 +106,8 @@ def naming_wrong_photos(block: Block, without: Iterable[PhotoAccidentKind] = ())
     try:
         yield
     except (InputError, NotComputableError) as error:
+        from anaplot.session.photoaccidents import photo_accidents
+
         accidents = [one for one in photo_accidents(block) if one.kind not in without]
         if not accidents:
             raise

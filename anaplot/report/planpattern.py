@@ -14,7 +14,8 @@ from anaplot.adjustment.tested import Tested, Transfer
 from anaplot.errors import InputError
 from anaplot.exchange.patternfile import is_pattern_file, read_pattern
 from anaplot.orientation.diagnosis import diagnose
-from anaplot.orientation.patterns import PATTERNS, USUAL_BASE, USUAL_D, trace_in_bases
+from anaplot.orientation.idealmodel import trace_in_bases
+from anaplot.orientation.patterns import PATTERNS, USUAL_BASE, USUAL_D
 from anaplot.orientation.patterns import pattern as named_pattern
 from anaplot.orientation.results import ModelSolution, Row
 from anaplot.orientation.suitability import unsuitable

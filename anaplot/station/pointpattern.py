@@ -8,7 +8,6 @@ from anaplot.exchange.patternfile import is_pattern_file, read_pattern
 from anaplot.orientation.ownpattern import OwnPattern, PointPattern
 from anaplot.orientation.patterns import pattern
 from anaplot.photogrammetry.block import Block, PatternPoint
-from anaplot.planning.patternfit import pattern_fault
 
 __all__ = ["pattern_of_block", "pattern_points", "point_pattern_of"]
 
@@ -50,6 +49,8 @@ def pattern_of_block(folder: Path, block: Block, usual: str) -> PointPattern:
 
 def _own_pattern(path: Path, name: str, block: Block) -> OwnPattern:
     """Return the pattern of a file, under a name."""
+    from anaplot.planning.patternfit import pattern_fault  # computes a model
+
     file = read_pattern(path)
     own = OwnPattern(name, file.places, file.ties)
     fault = pattern_fault(own, block)

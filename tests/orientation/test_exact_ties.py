@@ -19,8 +19,9 @@ from idealmodel import ideal, ideal_pair, spoiled
 from anaplot.adjustment.significance import noncentrality
 from anaplot.orientation.diagnosis import diagnose
 from anaplot.orientation.grosserrors import model_gross_errors
+from anaplot.orientation.idealmodel import ideal_model
 from anaplot.orientation.model import orient
-from anaplot.orientation.patterns import ideal_model, pattern
+from anaplot.orientation.patterns import pattern
 from anaplot.orientation.residuals import residual_system, residuals_at
 from anaplot.orientation.results import ModelSolution
 from anaplot.orientation.strip import bridge_strip, pooled_sigma_um, stereopair

@@ -6,7 +6,8 @@ from idealmodel import ideal
 
 from anaplot.errors import InputError
 from anaplot.orientation.diagnosis import diagnose
-from anaplot.orientation.patterns import PATTERNS, Pattern, pattern, trace_in_bases
+from anaplot.orientation.idealmodel import trace_in_bases
+from anaplot.orientation.patterns import PATTERNS, Pattern, pattern
 
 GEOMETRY = (60.0, 66.0, 100.0)  # b : d : c = 0.60 : 0.66 : 1
 

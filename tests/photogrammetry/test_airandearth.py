@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from anaplot.errors import NotComputableError
-from anaplot.photogrammetry.airandearth import AirAndEarth, RadialShift, refraction_constant
+from anaplot.photogrammetry.airandearth import AirAndEarth, refraction_constant
 from anaplot.photogrammetry.camera import BrownLens, CameraCalibration, RadialPolynomial
+from anaplot.photogrammetry.radialshift import RadialShift
 from anaplot.photogrammetry.refinement import Refinement
 
 C = 152.4
@@ -48,17 +49,17 @@ def traced(flying: float, ground: float, angle: float) -> float:
 )
 @pytest.mark.parametrize("radius", [40.0, 150.0])
 def test_a_ray_traced_through_the_air(flying, ground, radius):
-    shift = AirAndEarth(flying, ground, refraction=True).shift(C)
+    shift = RadialShift.of(AirAndEarth(flying, ground, refraction=True), C)
     told = shift.at(radius)
     assert told == pytest.approx(traced(flying, ground, np.arctan(radius / C)), rel=3e-3)
 
 
 def test_the_size_of_it():
     """At 1900 m two micrometres at 70 mm, six in the corner of a wide-angle photograph."""
-    shift = AirAndEarth(1900.0, 0.0, refraction=True).shift(152.0)
+    shift = RadialShift.of(AirAndEarth(1900.0, 0.0, refraction=True), 152.0)
     um = [1e3 * shift.at(radius) for radius in (70.0, 140.0)]
     assert um == pytest.approx([1.95, 5.95], abs=0.02)
-    both = AirAndEarth(1900.0, 0.0, refraction=True, earth_curvature=True).shift(152.0)
+    both = RadialShift.of(AirAndEarth(1900.0, 0.0, refraction=True, earth_curvature=True), 152.0)
     assert both.cubic - shift.cubic == pytest.approx(-1900.0 / (2 * 6.371e6 * 152.0**2), rel=1e-9)
 
 
@@ -82,14 +83,14 @@ def test_a_line_to_the_sphere(flying, radius):
     below = earth + ground
     arc = below * (np.arcsin((earth + flying) / below * np.sin(angle)) - angle)
     on_the_map = C * arc / (flying - ground)
-    shift = AirAndEarth(flying, ground, earth_curvature=True).shift(C)
+    shift = RadialShift.of(AirAndEarth(flying, ground, earth_curvature=True), C)
     told = shift.taken_off(np.array([[radius, 0.0]]))[0, 0]
     assert told > radius
     assert told - radius == pytest.approx(on_the_map - radius, rel=3e-3)
 
 
 def test_nothing_asked_for_is_nothing():
-    shift = AirAndEarth(1900.0, 200.0).shift(C)
+    shift = RadialShift.of(AirAndEarth(1900.0, 200.0), C)
     assert shift == RadialShift(0.0, 0.0)
     places = np.array([[3.0, -80.0]])
     np.testing.assert_array_equal(shift.taken_off(places), places)
@@ -99,7 +100,7 @@ def test_its_parts_add_up():
     both = AirAndEarth(1900.0, 200.0, refraction=True, earth_curvature=True)
     (first, air), (second, earth) = both.parts()
     assert (first, second) == ("refraction", "earth curvature")
-    um = [1e3 * one.shift(C).at(140.0) for one in (air, earth, both)]
+    um = [1e3 * RadialShift.of(one, C).at(140.0) for one in (air, earth, both)]
     assert um[0] > 0.0 > um[1]
     assert um[0] + um[1] == pytest.approx(um[2])
     assert AirAndEarth(1900.0, 200.0).parts() == []
@@ -114,7 +115,7 @@ heights = st.tuples(st.floats(-500.0, 19_000.0), st.floats(1.0, 19_000.0)).map(
 @given(heights, st.booleans(), st.booleans(), st.floats(20.0, 400.0), st.floats(0.0, 6.28))
 def test_what_is_put_on_is_taken_off(pair, refraction, curvature, c, turn):
     flying, ground = pair
-    shift = AirAndEarth(flying, ground, refraction, curvature).shift(c)
+    shift = RadialShift.of(AirAndEarth(flying, ground, refraction, curvature), c)
     assert 0.0 <= shift.linear < 2e-4
     places = np.outer(np.linspace(0.0, 1.5 * c, 7), [np.cos(turn), np.sin(turn)])
     laid = shift.put_on(places)
@@ -148,7 +149,10 @@ def test_refinement_takes_it_off_after_the_lens_and_about_the_principal_point(le
     alone, both = Refinement.of(camera), Refinement.of(camera, air)
     places = np.array([[80.0, -70.0], [-110.0, 3.0], [0.3, -0.2], [1.0, 2.0]])
     np.testing.assert_allclose(
-        both.refine(places), air.shift(C).taken_off(alone.refine(places)), rtol=0, atol=1e-14
+        both.refine(places),
+        RadialShift.of(air, C).taken_off(alone.refine(places)),
+        rtol=0,
+        atol=1e-14,
     )
     np.testing.assert_allclose(both.distort(both.refine(places)), places, atol=1e-9)
     for axis in range(2):

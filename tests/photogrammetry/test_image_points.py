@@ -13,14 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from anaplot.photogrammetry.block import Block, Camera, ImagePoint, Photo, Precision, TestSettings
-from anaplot.photogrammetry.imagepoints import (
-    Coded,
-    ImagePoints,
-    PointColumns,
-    columns_of,
-    samples,
-    stand_again,
-)
+from anaplot.photogrammetry.imagepoints import ImagePoints, columns_of
+from anaplot.photogrammetry.pointcolumns import Coded, PointColumns, samples, stand_again
 
 NAMES = st.sampled_from(["1", "a", "~2", "b/c", "\u00e4", "10", "1.0"])
 NUMBERS = st.floats(allow_nan=False, width=64)

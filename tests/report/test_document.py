@@ -134,7 +134,7 @@ def test_what_marks_a_row_may_stand_in_several_columns() -> None:
     columns = (name("point"), *(Column(key, look=bool) for key in ("flagged", "rejected")))
     rows = [("1", False, None), ("2", True, False), ("3", False, True), ("4", None, False)]
     found = table("control", columns, rows)
-    assert found.marked().tolist() == [False, True, True, False]
+    assert found.marked() == [1, 2]
 
 
 def test_arrays_are_columns() -> None:

@@ -13,6 +13,7 @@ from anaplot.exchange.blocktoml import parse_block_toml
 from anaplot.exchange.camerafile import parse_camera
 from anaplot.photogrammetry.airandearth import HIGHEST, AirAndEarth, refraction_constant
 from anaplot.photogrammetry.camera import RadialTable
+from anaplot.photogrammetry.radialshift import RadialShift
 
 PAGE = (Path(__file__).parents[2] / "docs" / "inner-orientation.md").read_text(encoding="utf-8")
 
@@ -74,6 +75,6 @@ def test_refraction_is_as_large_as_the_page_says(tmp_path):
     text = 'format = 1\nname = "t"\n' + blocks("toml")[2] + '[[camera]]\nfile = "rc30.toml"\n'
     air = parse_block_toml(text, tmp_path / "block.toml").air
     assert air == AirAndEarth(1900.0, 200.0, refraction=True)
-    shift = AirAndEarth(1900.0, 0.0, refraction=True).shift(153.0)
+    shift = RadialShift.of(AirAndEarth(1900.0, 0.0, refraction=True), 153.0)
     assert [round(1e3 * shift.at(radius)) for radius in (70.0, 140.0)] == [2, 6]
     assert refraction_constant(HIGHEST, 0.0) > 0.0

@@ -9,6 +9,7 @@ import pytest
 from innerscene import InnerScene
 
 from anaplot.photogrammetry.airandearth import AirAndEarth
+from anaplot.photogrammetry.radialshift import RadialShift
 from anaplot.session.plates import Plates, image_of, plate_of, plates_of
 from anaplot.session.state import start
 from anaplot.simulation.laidplates import laid_photographs
@@ -33,7 +34,9 @@ def test_the_plates_of_a_session_know_air_and_earth() -> None:
         seen = image_of(at, plates)
         assert (seen.xl, seen.yl, seen.xr, seen.yr) == pytest.approx((x, y, x, y), abs=1e-7)
         displaced = image_of(at, without)
-        ideal = AIR.shift(scene.calibration.c).taken_off(np.array([[displaced.xl, displaced.yl]]))
+        ideal = RadialShift.of(AIR, scene.calibration.c).taken_off(
+            np.array([[displaced.xl, displaced.yl]])
+        )
         assert ideal[0].tolist() == pytest.approx([x, y], abs=1e-6)
     far = image_of(plate_of(90.0, 85.0, 90.0, 85.0, plates), without)
     assert np.hypot(far.xl - 90.0, far.yl - 85.0) > 5e-3

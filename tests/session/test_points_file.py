@@ -22,7 +22,7 @@ from anaplot.exchange.blockfolder import (
     write_new_block,
 )
 from anaplot.exchange.journal import Journal
-from anaplot.photogrammetry.block import ImagePoint
+from anaplot.photogrammetry.block import Block, ImagePoint
 from anaplot.session.events import (
     Event,
     ModelAccepted,
@@ -47,16 +47,16 @@ def accepted(scene: Scene) -> SessionState:
 
 @pytest.fixture
 def reads(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
-    """The files of image points that were read."""
-    paths: list[Path] = []
-    real = blockfolder.parse_image_points
+    """The folders of which the image points were read."""
+    folders: list[Path] = []
+    real = blockfolder.with_image_points
 
-    def parse(path: Path, block: object) -> tuple[ImagePoint, ...]:
-        paths.append(path)
-        return real(path, block)
+    def read(folder: Path, block: Block) -> Block:
+        folders.append(folder)
+        return real(folder, block)
 
-    monkeypatch.setattr(blockfolder, "parse_image_points", parse)
-    return paths
+    monkeypatch.setattr(blockfolder, "with_image_points", read)
+    return folders
 
 
 def test_what_nobody_else_has_written_is_read_once(tmp_path: Path, reads: list[Path]) -> None:

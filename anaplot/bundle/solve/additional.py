@@ -14,7 +14,7 @@ from typing import Literal
 
 import numpy as np
 
-from anaplot.aliases import Array
+from anaplot.aliases import Array, SetName
 from anaplot.bundle.solve.parameterpriors import ParameterPrior, checked_priors
 from anaplot.bundle.solve.polynomialterms import EBNER, GRUEN, GRUEN50, polynomial_basis
 from anaplot.bundle.solve.weightrange import check_weighted
@@ -26,7 +26,6 @@ __all__ = [
     "AdditionalParameters",
     "ParameterSet",
     "Scope",
-    "SetName",
     "additional_parameters",
     "automatic_sets",
     "ebner",
@@ -37,7 +36,6 @@ __all__ = [
 ]
 
 Scope = Literal["block", "strip", "camera", "photo"]
-SetName = Literal["ebner", "gruen", "gruen50", "physical"]
 
 _SCOPES: tuple[Scope, ...] = ("block", "strip", "camera", "photo")
 

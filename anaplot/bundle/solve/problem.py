@@ -30,7 +30,9 @@ from anaplot.bundle.solve.priorbending import check_linear
 from anaplot.bundle.solve.selection import LeftOut, select_rays
 from anaplot.errors import InputError, NotComputableError
 from anaplot.photogrammetry.block import Block, ControlPoint, TestSettings
-from anaplot.photogrammetry.imagepoints import PointColumns, columns_of, use_counts
+from anaplot.photogrammetry.imagepoint import use_counts
+from anaplot.photogrammetry.imagepoints import columns_of
+from anaplot.photogrammetry.pointcolumns import PointColumns
 from anaplot.photogrammetry.rotation import rotation_matrix
 
 __all__ = ["Datum", "LeftOut", "Problem", "listed", "make_problem", "remeasured"]

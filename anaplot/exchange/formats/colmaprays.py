@@ -23,7 +23,7 @@ from anaplot.exchange.formats.door import Note
 from anaplot.exchange.formats.measuredrays import RayColumns, enlarged, magnified
 from anaplot.photogrammetry.block import Camera, Use, in_pixels
 from anaplot.photogrammetry.camera import BrownLens
-from anaplot.photogrammetry.imagepoints import Coded
+from anaplot.photogrammetry.pointcolumns import Coded
 
 __all__ = ["ModelRays", "rays_of"]
 

@@ -17,14 +17,8 @@ import numpy as np
 
 from anaplot.aliases import Array
 from anaplot.errors import InputError
-from anaplot.photogrammetry.groundsystem import (
-    WGS84,
-    Ellipsoid,
-    GroundSystem,
-    LocalFrame,
-    geocentric,
-    geodetic,
-)
+from anaplot.photogrammetry.ellipsoid import WGS84, Ellipsoid, LocalFrame, geocentric, geodetic
+from anaplot.photogrammetry.groundsystem import GroundSystem
 from anaplot.textfiles.wording import plain, quoted, reason
 
 __all__ = ["DEGREES", "CoordinateSystem", "GroundFrame", "crs_text", "frame_around", "local_system"]

@@ -11,15 +11,15 @@ import numpy as np
 from anaplot.aliases import Array, Bools
 from anaplot.exchange.formats.door import Note
 from anaplot.photogrammetry.block import Camera, ImagePoint, Use
-from anaplot.photogrammetry.imagepoints import (
+from anaplot.photogrammetry.imagepoints import ImagePoints
+from anaplot.photogrammetry.measuredimage import ideal_rays, mm_of_pixels, rows_by_camera
+from anaplot.photogrammetry.pointcolumns import (
     Coded,
-    ImagePoints,
     PointColumns,
     paired,
     sigma_column,
     stand_again,
 )
-from anaplot.photogrammetry.measuredimage import ideal_rays, mm_of_pixels, rows_by_camera
 
 __all__ = [
     "TWICE",

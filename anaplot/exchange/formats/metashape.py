@@ -49,7 +49,7 @@ from anaplot.photogrammetry.block import (
     Use,
     in_pixels,
 )
-from anaplot.photogrammetry.groundsystem import LocalFrame
+from anaplot.photogrammetry.ellipsoid import LocalFrame
 from anaplot.photogrammetry.rotation import rotation_angles
 from anaplot.textfiles.names import name_fault
 from anaplot.textfiles.wholefile import create_whole

@@ -11,9 +11,6 @@ from dataclasses import dataclass, replace
 from itertools import count
 from typing import NamedTuple
 
-import numpy as np
-
-from anaplot.aliases import Index
 from anaplot.drawing.drawing import Drawing
 from anaplot.report.astext import cell_texts, line_pieces
 from anaplot.report.columns import counted, shortened
@@ -286,11 +283,9 @@ class _Plan:
         chosen = _chosen(table, self._most_rows)
         if len(chosen) < n:
             self.cut[address] = table
-        columns = [
-            (column, cell_texts(column, values, chosen, n)) for column, values in _shown(table)
-        ]
-        marked = table.marked()
-        looks = marked[chosen].tolist() if len(marked) == n else [False] * len(chosen)
+        columns = [(column, cell_texts(column, values, chosen)) for column, values in _shown(table)]
+        marked = set(table.marked())
+        looks = [k in marked for k in chosen]
         cells = [
             Row(tuple(_cell(text, column) for column, text in zip(heads, row, strict=True)), look)
             for (heads, row), look in zip(_rows(columns, len(chosen)), looks, strict=True)
@@ -356,14 +351,14 @@ def _cell(text: str, column: Column) -> Text:
 
 
 def _grouped(
-    table: Table, chosen: Index, rows: list[Row]
+    table: Table, chosen: Sequence[int], rows: list[Row]
 ) -> tuple[tuple[Text | None, tuple[Row, ...]], ...]:
     if not table.group:
         return ((None, tuple(rows)),)
     keys = [column.key for column in table.columns]
     names = table.values[keys.index(table.group)]
     groups: list[tuple[str, list[Row]]] = []
-    for k, row in zip(chosen.tolist(), rows, strict=True):
+    for k, row in zip(chosen, rows, strict=True):
         name = plain(str(names[k]))
         if not groups or groups[-1][0] != name:
             groups.append((name, []))
@@ -371,14 +366,13 @@ def _grouped(
     return tuple((Text(name, True), tuple(some)) for name, some in groups)
 
 
-def _chosen(table: Table, most: int) -> Index:
+def _chosen(table: Table, most: int) -> Sequence[int]:
     n = len(table)
     if n <= most:
-        return np.arange(n)
+        return range(n)
     if table.most is not None:
-        return np.arange(most)
-    marked = np.nonzero(table.marked())[0][:most]
-    return marked if len(marked) else np.arange(min(n, _FIRST))
+        return range(most)
+    return table.marked()[:most] or range(min(n, _FIRST))
 
 
 def _lines(block: Line | Listed) -> list[LineView]:

@@ -13,14 +13,8 @@ from anaplot.errors import InputError
 from anaplot.exchange.blocktoml import format_block_toml, parse_block_toml
 from anaplot.exchange.formats.crs import CoordinateSystem, GroundFrame, crs_text, local_system
 from anaplot.photogrammetry.block import Block, Camera, Photo, Precision, TestSettings
-from anaplot.photogrammetry.groundsystem import (
-    WGS84,
-    Ellipsoid,
-    GroundSystem,
-    LocalFrame,
-    geocentric,
-    geodetic,
-)
+from anaplot.photogrammetry.ellipsoid import WGS84, Ellipsoid, LocalFrame, geocentric, geodetic
+from anaplot.photogrammetry.groundsystem import GroundSystem
 
 # a place of each system in degrees; a north and a south, grads and feet, an oblique map, a pole
 PLACES = {
