@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from grossblocks import mismatched, planned
 
 from anaplot import adjust
 from anaplot.adjustment.findings import SearchSettings
+from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.errors.grosserrors import BlockFindings, block_gross_errors
 from anaplot.cli import main
 from anaplot.exchange.blockfolder import (
@@ -17,7 +20,8 @@ from anaplot.exchange.blockfolder import (
     write_image_points,
     write_new_block,
 )
-from anaplot.photogrammetry.block import Block
+from anaplot.photogrammetry.block import Block, ControlPoint, PointPrior
+from anaplot.photogrammetry.objectconditions import ObjectCondition
 from anaplot.report.adjusterrors import errors_document
 from anaplot.report.astext import page_text
 
@@ -108,3 +112,61 @@ def test_what_is_left_out_is_said_and_applied(tmp_path: Path, capsys: pytest.Cap
     assert again["sigma0"] == pytest.approx(found.to_dict()["sigma0"], rel=1e-6)
     assert main(["adjust", str(folder), "--apply-undo"]) == 4
     assert read_block(folder).image_points == block.image_points
+
+
+def known_torn(kind: str, side: int) -> tuple[Block, str]:
+    """Two strips; one of two rays lies beside another point, of which something is known."""
+    block = planned(2)
+    photos: dict[str, list[str]] = {}
+    for row in block.image_points:
+        photos.setdefault(row.point, []).append(row.photo)
+    known = {one.point for one in block.control}
+    point = next(n for n, of in photos.items() if of == ["106", "107"] and n not in known)
+    rows = {(row.photo, row.point): row for row in block.image_points}
+    photo = photos[point][side]
+    here = rows[photo, point]
+    others = [name for name, of in photos.items() if photo in of and len(of) > 2]
+    other = max(others, key=lambda name: abs(rows[photo, name].y - here.y))
+    beside = rows[photo, other]
+    rows[photo, point] = replace(rows[photo, point], x=beside.x + 0.2, y=beside.y - 0.1)
+    place = next(row.xyz for row in adjust_block(block).point_rows() if row.point == point)
+    control, priors, conditions = block.control, block.priors, block.conditions
+    if kind in ("height", "height free of error"):
+        sigma = 0.05 if kind == "height" else 0.0
+        control = (*control, ControlPoint(point, (None, None, place[2]), (None, None, sigma)))
+    elif kind == "three coordinates":
+        control = (*control, ControlPoint(point, place, (0.05,) * 3))
+    elif kind == "weak prior":
+        far = tuple(value + 300.0 for value in place)
+        priors = (*priors, PointPrior(point, far, (1000.0,) * 3))
+    else:
+        there = next(row.xyz for row in adjust_block(block).point_rows() if row.point == other)
+        long = float(np.linalg.norm(np.subtract(place, there)))
+        conditions = (ObjectCondition("distance", (point, other), long, 0.05),)
+    rows_now = tuple(rows.values())
+    block = replace(block, image_points=rows_now, control=control, priors=priors)
+    return replace(block, conditions=conditions), point
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("side", [0, 1])
+@pytest.mark.parametrize("kind", ["height", "height free of error", "weak prior", "distance"])
+def test_what_does_not_tell_which_of_two_rays_is_wrong_keeps_no_point(kind: str, side: int) -> None:
+    block, point = known_torn(kind, side)
+    found = block_gross_errors(block, "search", ALPHA)
+    assert found.points == (point,)
+    assert len(found.rejected) <= 1
+    assert found.block.sigma0 is not None
+    assert found.block.sigma0 < 1.15
+    if kind == "distance":
+        reasons = [one.reason for one in found.block.problem.left_out if one.kind == "condition"]
+        assert reasons == [f"names point {point}, which is not determined by the images"]
+
+
+@pytest.mark.slow
+def test_control_tells_which_of_two_rays_is_wrong() -> None:
+    block, point = known_torn("three coordinates", 0)
+    found = block_gross_errors(block, "search", ALPHA)
+    assert found.points == ()
+    assert ("106", point) in rays_out(found)
+    assert ("107", point) not in rays_out(found)

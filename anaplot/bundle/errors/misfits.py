@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from anaplot.aliases import Array, Bools, Progress
+from anaplot.aliases import Array, Bools, Index, Progress
 from anaplot.bundle.adjust import adjust_problem, calibrated, evaluate, points_settled
 from anaplot.bundle.errors.leftout import missing, with_rows_of
 from anaplot.bundle.solve.adjusted import AdjustedBlock
@@ -26,7 +26,7 @@ from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.remade import among_points, without_points
 from anaplot.bundle.solve.selection import FAR_APART
 from anaplot.bundle.solve.structure import Structure, make_structure
-from anaplot.bundle.start.halfrays import by_rays_alone, met_planes
+from anaplot.bundle.start.halfrays import CERTAIN, met_planes
 from anaplot.bundle.start.robust import FarOff, far_off
 from anaplot.errors import NotComputableError
 
@@ -40,6 +40,7 @@ __all__ = [
 
 
 _ROUNDS = 4
+_TELL = 6  # equations of a point from which it is told which of its rays is wrong
 _ENOUGH = 0.01  # of a point's weakest direction that must be left
 _WIDE = 0.05  # of the principal distance: a ray that misses so far was meant for another point
 _OFF = 10.0  # sigmas by which a coordinate of such a ray is off
@@ -169,14 +170,18 @@ def minimum_without_misfits(
 
 
 def _control_believed(problem: Problem, off: FarOff) -> FarOff | None:
-    """Blame rays, not control free of error; None where most rays of a point contradict it."""
+    """Blame rays, not control free of error; None where most rays of a point contradict it.
+
+    Where they contradict each other as well, the point tells nothing of its control.
+    """
     firm = off.control & problem.fixed.any(axis=1)
     if not firm.any():
         return off
     size = np.linalg.norm(counted_misclosures(problem, off.state)[0] * problem.sigma_xy, axis=1)
     wrong = firm[problem.point] & ~(size <= off.reach)
     count = np.bincount(problem.point, minlength=len(problem.points))
-    if (np.bincount(problem.point[wrong], minlength=len(problem.points)) > count // 2).any():
+    most = np.bincount(problem.point[wrong], minlength=len(problem.points)) > count // 2
+    if (most & ~_undecided(problem, _known(problem, off.state))).any():
         return None
     rays = np.where(firm[problem.point], wrong, off.rays)
     return off._replace(rays=rays, control=off.control & ~firm)
@@ -216,11 +221,13 @@ def _without(problem: Problem, off: FarOff) -> Problem:
 
 
 def _far_apart(problem: Problem, off: FarOff) -> Bools:
-    """(points,) points that keep a ray which fits nowhere, and cannot be linearised with it.
+    """(points,) points with a ray that fits nowhere, of which too little tells which one it is.
 
     Any of three coordinates of two rays makes a point, and nothing tells which of the four is
     wrong. Where they miss each other by a large part of the field of view, or three of them do not
-    meet before the photos, no such point is near the measured one.
+    meet before the photos, no such point is near the measured one. With a height either ray makes
+    one: whatever is off in both coordinates of a ray, two equations of the point know nothing of,
+    and three determine it.
 
     Parameters
     ----------
@@ -232,13 +239,41 @@ def _far_apart(problem: Problem, off: FarOff) -> Bools:
         kept &= ~problem.rejected.all(axis=1)
     out = np.zeros(len(problem.points), dtype=bool)
     out[problem.point[kept]] = True
-    out &= by_rays_alone(problem)
+    known = _known(problem, off.state)
+    out &= known == 0
     doubtful = np.flatnonzero(out)
     wide = np.zeros(len(out), dtype=bool)
     wide[problem.point[off.rays & _wide(problem, _misses(problem, off.state))]] = True
     _, certain = met_planes(problem, off.state, doubtful)
     out[doubtful] = wide[doubtful] | ~certain
-    return out
+    return out | (wide & _undecided(problem, known))
+
+
+def _known(problem: Problem, state: BlockState) -> Index:
+    """(points,) how many equations besides those of its rays know where a point is.
+
+    What is known worse than orientations with their rays would have it is no knowledge.
+    """
+    away = np.linalg.norm(state.points[problem.point] - state.centres[problem.photo], axis=1)
+    worst = CERTAIN * float(np.median(away))
+    known: Index = (problem.fixed | (problem.ground_sigma <= worst).any(axis=0)).sum(axis=1)
+    if problem.given is not None:
+        known[problem.given.points_given(len(known))] = 3
+    index = {name: k for k, name in enumerate(problem.points)}
+    for one in problem.block.conditions:
+        if one.use == "control":
+            known[[index[name] for name in one.points if name in index]] += 1
+    return known
+
+
+def _undecided(problem: Problem, known: Index) -> Bools:
+    """(points,) points of which nothing is left over once one of the rays is out."""
+    counted = np.full(len(problem.photo), 2)
+    if problem.off is not None:
+        counted = (~problem.off).sum(axis=1)
+    equations = np.bincount(problem.point, counted, len(problem.points)) + known
+    few: Bools = (known > 0) & (equations < _TELL)
+    return few
 
 
 def _misses(problem: Problem, state: BlockState) -> Array:
@@ -283,7 +318,9 @@ def _open_points(problem: Problem, structure: Structure, state: BlockState) -> B
         NormalEquations(problem, structure, linearise(problem, state), 0.0, weights)
     except PointError as error:
         out[error.points] = True
-    return out & by_rays_alone(problem)
+    known = _known(problem, state)
+    out &= (known == 0) | _undecided(problem, known)
+    return out
 
 
 def _leaving(

@@ -22,7 +22,7 @@ from anaplot.bundle.start.subblock import SubBlock
 from anaplot.errors import NotComputableError
 
 __all__ = [
-    "by_rays_alone",
+    "CERTAIN",
     "half_seen",
     "met_planes",
     "settled_points",
@@ -31,9 +31,10 @@ __all__ = [
 ]
 
 _FEWEST = 3  # coordinates that determine a point
-# of its distance: a larger standard deviation of a point is none; by its rays alone, and
-# orientations make it up to three times as large
-_CERTAIN = 0.03
+
+CERTAIN = 0.03
+"""Of its distance: a larger standard deviation of a point is none; by its rays alone, and
+orientations make it up to three times as large."""
 
 
 def half_seen(problem: Problem) -> Bools:
@@ -46,10 +47,10 @@ def half_seen(problem: Problem) -> Bools:
         return out
     x, y = _photos_counting(problem)
     out = (x != y) & (np.minimum(x, y) <= 1)
-    return out & by_rays_alone(problem)
+    return out & _by_rays_alone(problem)
 
 
-def by_rays_alone(problem: Problem) -> Bools:
+def _by_rays_alone(problem: Problem) -> Bools:
     """(points,) points of which nothing but their rays knows where they are."""
     held = problem.fixed | np.isfinite(problem.ground_sigma).any(axis=0)
     out: Bools = ~np.asarray(held.any(axis=1))
@@ -141,7 +142,7 @@ def met_planes(problem: Problem, state: BlockState, points: Index) -> tuple[Arra
     weakest = np.linalg.eigvalsh(matrix)[:, 0]
     angle = np.zeros(len(points))
     np.maximum.at(angle, of_point, problem.sigma[rays] / c)
-    certain = np.sqrt(np.maximum(weakest, 0.0)) * _CERTAIN > angle
+    certain = np.sqrt(np.maximum(weakest, 0.0)) * CERTAIN > angle
     places = np.full((len(points), 3), np.nan)
     places[certain] = np.linalg.solve(matrix[certain], right[certain][:, :, None])[:, :, 0]
     depth = -np.einsum("ni,ni->n", turn[:, :, 2], places[of_point] - centre)
