@@ -258,6 +258,13 @@ class _Sweeps:
         rows = sorted(out.union(self.held))
         return self.without.adjusted(rows) if exact else self.without.drafted(rows)
 
+    def _places(self, given: RowsGiven, numbers: Index) -> Iterator[Places]:
+        """Yield places in which what is held does not come back."""
+        held = np.zeros(len(given.e), dtype=bool)
+        held[self.held] = True
+        for places in given.places(numbers):
+            yield places.without(held)
+
     def _objective(self, given: RowsGiven, out: frozenset[int]) -> float:
         return given.vtpv + self.critical**2 * len(out)
 
@@ -293,7 +300,7 @@ class _Sweeps:
         kept = frozenset[int]() if anew else out
         decided: list[tuple[float, list[SearchStep], Index]] = []
         value = given.vtpv
-        for places in given.places(numbers[~waits]):
+        for places in self._places(given, numbers[~waits]):
             value += float(np.sum(places.vtpv - given.vtpv)) if anew else 0.0
             which = np.searchsorted(numbers, places.numbers)
             for k, steps, mine in self._decided(places, kept, which, doubts, stands):
@@ -358,7 +365,7 @@ class _Sweeps:
             return changes
         rows = np.array(sorted(out), dtype=np.intp)
         numbers = np.unique(given.places_of(rows))
-        for places in given.places(numbers):
+        for places in self._places(given, numbers):
             for at in range(len(places.numbers)):
                 self._exchange(places.place(at), out, changes, cost)
         return changes

@@ -131,7 +131,7 @@ def _findings(
     size[testable] = np.abs(e[testable]) / np.sqrt(r[testable])
     f = system.redundancy - len(left_out)
     single = error_odds(ERROR_PRIOR_SIGMAS**2 * r[rows], size[rows], f, "baarda")
-    rejected, partners = _retraced(system.names, end, settings.partner)
+    rejected, partners = _retraced(system.names, end, left_out, settings.partner)
     return Findings(
         strategy=strategy,
         steps=tuple(end.steps),
@@ -165,7 +165,7 @@ def _at_end(given: RowsGiven, out: list[int], held: list[int], f: int) -> FinalS
 
 
 def _retraced(
-    names: Sequence[Hashable], end: ApartEnd, limit: float
+    names: Sequence[Hashable], end: ApartEnd, left_out: Collection[int], limit: float
 ) -> tuple[tuple[Rejection[Hashable], ...], tuple[HardToTell, ...]]:
     """Say of each row which step took it out, and how it stood in its place just before."""
     last: dict[int, tuple[int, SearchStep]] = {}
@@ -177,7 +177,11 @@ def _retraced(
     rows = np.array(end.rows, dtype=np.intp)
     found: dict[int, Rejection[Hashable]] = {}
     alike: dict[int, list[HardToTell]] = {}
-    of_rows = end.given.places(np.unique(end.given.places_of(rows)))
+    held = np.zeros(len(end.given.e), dtype=bool)
+    held[list(left_out)] = True
+    of_rows = (
+        places.without(held) for places in end.given.places(np.unique(end.given.places_of(rows)))
+    )
     for place in (places.place(k) for places in of_rows for k in range(len(places.numbers))):
         before = Elimination(place.system)
         mine = [(i, row) for i, row in enumerate(place.rows.tolist()) if row in out]

@@ -80,6 +80,31 @@ class Places(NamedTuple):
         )
         return Place(self.rows[at], system, self.lever[at])
 
+    def without(self, out: Bools) -> Places:
+        """Return the places without some rows for good, which become rows of zeros.
+
+        Parameters
+        ----------
+        out
+            (n,) which rows, of all.
+        """
+        gone = out[self.rows]
+        some = gone.any(axis=1)
+        if not some.any():
+            return self
+        gone, whole = gone[some], self.matrix[some]
+        e, matrix, vtpv = self.e.copy(), self.matrix.copy(), self.vtpv.copy()
+        inverse = inverse_among(whole, gone)
+        taken = np.einsum("cij,cj->ci", inverse, np.where(gone, e[some], 0.0))
+        vtpv[some] -= np.einsum("ci,ci->c", taken, e[some])
+        e[some] -= np.einsum("cij,cj->ci", whole, taken)
+        matrix[some] -= whole @ inverse @ whole
+        gone = out[self.rows]
+        e[gone] = 0.0
+        matrix[gone[:, :, None] | gone[:, None, :]] = 0.0
+        r = np.clip(np.einsum("cii->ci", matrix), 0.0, 1.0)
+        return self._replace(e=e, r=r, matrix=matrix, vtpv=np.maximum(vtpv, 0.0))
+
     @property
     def reach(self) -> Array:
         """(c,) the largest lever over root r of the rows that can be rejected by themselves."""

@@ -62,6 +62,29 @@ def test_plain_places_are_cleaned_as_the_rule_cleans_them(seed: int) -> None:
             assert mine[2:] == pytest.approx(its[2:], rel=1e-9)
 
 
+def test_places_without_rows_are_those_of_an_elimination() -> None:
+    places = places_of(2, count=12)
+    out = np.random.default_rng(5).random(places.e.size) < 0.15
+    out[places.rows[7]] = False
+    left = places.without(out)
+    assert left.r[7] == pytest.approx(places.r[7], abs=0.0)
+    for at in range(12):
+        gone = np.flatnonzero(out[places.rows[at]])
+        state = Elimination(places.place(at).system)
+        for row in gone.tolist():
+            state.add(row)
+        kept = np.setdiff1d(np.arange(places.e.shape[1]), gone)
+        found = left.place(at).system
+        assert found.e[kept] == pytest.approx(state.e[kept], abs=1e-9)
+        assert found.r[kept] == pytest.approx(state.r[kept], abs=1e-9)
+        assert found.vtpv == pytest.approx(state.vtpv, rel=1e-9)
+        assert not found.e[gone].any()
+        assert not found.matrix[gone].any()
+        assert not found.matrix[:, gone].any()
+        columns = np.array([state.column(row)[kept] for row in kept.tolist()])
+        assert found.matrix[np.ix_(kept, kept)] == pytest.approx(columns, abs=1e-9)
+
+
 def test_inverses_among_chosen_rows_are_those_of_the_parts() -> None:
     places = places_of(1, count=9)
     chosen = np.random.default_rng(3).random(places.e.shape) < 0.3

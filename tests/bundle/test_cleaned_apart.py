@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 from bundleblocks import aerial
 
+from anaplot.adjustment.apart import clean_apart
 from anaplot.adjustment.elimination import Elimination
 from anaplot.adjustment.findings import SearchSettings
 from anaplot.adjustment.significance import critical_normal
+from anaplot.adjustment.stepwise import rule_of, step_by_step
 from anaplot.adjustment.watch import Watch
 from anaplot.bundle.adjust import adjust_bundle
 from anaplot.bundle.errors import blockrows
@@ -282,6 +284,38 @@ def test_sweeps_begin_without_what_is_far_off(
     assert int(begun.split()[2]) >= count
     # the last pass begins and ends with what the one before has rejected
     assert [what for what in told if what.startswith("sweep")][-1].startswith("sweep 1, ")
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_is_out_for_good_hides_nothing_at_its_point(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    scene = aerial(3, 6, per_base=2, control_sigma=0.05, noise_um=5.0, seed=seed, tilt=0.2)
+    rows, rays = list(scene.block.image_points), {}
+    for k, row in enumerate(rows):
+        rays.setdefault(row.point, []).append(k)
+    far = set()
+    for mine in [mine for mine in rays.values() if len(mine) == 3][:12]:
+        # one ray is another point's; of the next one x or y is off as well
+        first, second = (rows[k] for k in mine[:2])
+        off, axis = rng.uniform(0.5, 2.0), "xy"[int(rng.integers(2))]
+        rows[mine[0]] = replace(first, x=first.x - 45.0 * np.sign(first.x), y=first.y - off)
+        rows[mine[1]] = replace(second, **{axis: getattr(second, axis) + 0.1})
+        far |= {("image", first.photo, first.point, None, axis) for axis in "xy"}
+    problem = make_problem(replace(scene.block, image_points=tuple(rows)))
+    state = scene.start(problem)
+    structure = make_structure(problem, state.centres)
+    system = block_residuals(problem, state, structure)
+    held = sorted(map(system.names.index, far))
+    suspects, parts = np.ones(len(system.e), dtype=bool), BlockParts(system, state, structure)
+    apart = clean_apart(parts, suspects, 60, 0.001, Watch(), held=held)
+    one = Elimination(system)
+    for row in held:
+        one.add(row)
+    suspects[held] = False
+    for _ in step_by_step(one, rule_of("baarda", 0.001), suspects, 60, Watch(), together=False):
+        pass
+    assert set(apart.rows) == set(one.rows) - set(held)
+    assert len(apart.rows) > 5
 
 
 def test_rows_are_found_by_their_names() -> None:
