@@ -14,7 +14,8 @@ from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.errors.controllast import clean_control_last
 from anaplot.bundle.errors.misfits import adjust_without_misfits
 from anaplot.bundle.solve.additional import additional_parameters
-from anaplot.bundle.solve.gaussnewton import NoConvergenceError
+from anaplot.bundle.solve.gaussnewton import NoConvergenceError, equations_at
+from anaplot.bundle.solve.linearised import effect, effects
 from anaplot.bundle.solve.openmovement import held_by_noise
 from anaplot.bundle.solve.parameterpriors import parameter_priors
 from anaplot.bundle.solve.problem import Datum, make_problem
@@ -148,3 +149,26 @@ def test_parameters_of_cameras_that_are_left_open_are_named() -> None:
         assert "use fewer or weight them (--calibrate-sigma, --add" in str(caught.value)
     chosen = calibration_of(block, ["c,x0,y0"], ["c=0.01,y0=0.01"])
     assert adjust_block(block, datum="free", additional=chosen).sigma0 < 2.0
+
+
+@pytest.mark.parametrize("additional", [None, "ebner"])
+def test_changes_looked_at_together_do_what_each_does(additional: str | None) -> None:
+    """Also of shared parameters."""
+    chosen = None if additional is None else additional_parameters(additional)
+    found = adjust_block(noisy(aerial(2, 3).block, 5.0, 1), additional=chosen)
+    problem, structure = found.problem, found.cofactors.normal.structure
+    normal, _, _ = equations_at(problem, structure, found.state)
+    rng = np.random.default_rng(3)
+    shapes = (
+        (len(problem.photos), problem.per_photo),
+        (len(problem.points), 3),
+        (problem.in_border,),
+    )
+    photos, points, shared = (rng.normal(size=(*shape, 3)) for shape in shapes)
+    several = effects(problem, normal.linear, (photos, points, shared))
+    for k, together in enumerate(several):
+        alone = effect(problem, normal.linear, (photos[..., k], points[..., k], shared[..., k]))
+        for one, other in zip(together.misclosures, alone.misclosures, strict=True):
+            np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-9)
+        rays = normal.seen(photos, points, shared)[:, :, k]
+        np.testing.assert_allclose(together.e, rays, rtol=1e-10, atol=1e-8)

@@ -21,6 +21,7 @@ __all__ = [
     "Unknowns",
     "counted_misclosures",
     "effect",
+    "effects",
     "image_misclosures",
     "linearise",
     "move",
@@ -30,6 +31,8 @@ __all__ = [
 ]
 
 Unknowns = tuple[Array, Array, Array]  # of photos (n, d), of points (p, 3), shared (g,)
+
+_AT_ONCE = 16384  # rays that are looked at together: their arrays stay near the processor
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -279,11 +282,42 @@ def _boresighted(offsets: OffsetEquations | None, state: BlockState) -> Array:
 def effect(problem: Problem, linear: Linearised, unknowns: Unknowns) -> Linearised:
     """Return what changes of the unknowns do to every observation, in place of the misclosures."""
     photos, points, shared = unknowns
-    e = np.einsum("mij,mj->mi", linear.a, photos[problem.photo])
-    e += np.einsum("mij,mj->mi", linear.b, points[problem.point])
-    if len(shared):
-        of_ray = shared.reshape(-1, linear.h.shape[2])[problem.additional_group]
-        e += np.einsum("mij,mj->mi", linear.h, of_ray)
+    columns = photos[:, :, None], points[:, :, None], shared[:, None]
+    return _effect(linear, unknowns, _of_rays(problem, linear, columns)[0])
+
+
+def effects(problem: Problem, linear: Linearised, unknowns: Unknowns) -> list[Linearised]:
+    """Return the `effect` of each of k changes: photos (n, d, k), points (p, 3, k), shared (g, k).
+
+    Whatever is large is laid out for all of them at once.
+    """
+    photos, points, shared = unknowns
+    every = _of_rays(problem, linear, unknowns)
+    return [
+        _effect(linear, (photos[:, :, k], points[:, :, k], shared[:, k]), e)
+        for k, e in enumerate(every)
+    ]
+
+
+def _of_rays(problem: Problem, linear: Linearised, unknowns: Unknowns) -> Array:
+    """(k, m, 2) what k changes of the unknowns do to the rays."""
+    photos, points, shared = unknowns
+    m, q = len(problem.photo), linear.h.shape[2]
+    out = np.empty((photos.shape[2], m, 2))
+    for start in range(0, m, _AT_ONCE):
+        rays = slice(start, start + _AT_ONCE)
+        e = np.matmul(linear.a[rays], photos[problem.photo[rays]])
+        e += np.matmul(linear.b[rays], points[problem.point[rays]])
+        if len(shared):
+            of_group = shared.reshape(-1, q, shared.shape[1])
+            e += np.matmul(linear.h[rays], of_group[problem.additional_group[rays]])
+        out[:, rays] = np.moveaxis(e, 2, 0)
+    return out
+
+
+def _effect(linear: Linearised, unknowns: Unknowns, e: Array) -> Linearised:
+    """Return an `effect` of which that on the rays is known."""
+    photos, points, shared = unknowns
     photo_e, offsets = np.einsum("nij,nj->ni", linear.photo_rows, photos), linear.offsets
     if offsets is not None:
         photo_e, own = offsets.without(photo_e, np.zeros(len(offsets.e)))

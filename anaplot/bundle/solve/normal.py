@@ -415,14 +415,18 @@ class NormalEquations:
         k = photos.shape[2]
         m, d = self.z.shape[:2]
         y = np.matmul(self.inverse_root, points)
-        zy = np.matmul(self.z, y[problem.point]).reshape(m, d * k)
-        right = photos - (self.structure.by_photo @ zy).reshape(photos.shape)
+        right = photos
+        if y.any():
+            zy = np.matmul(self.z, y[problem.point]).reshape(m, d * k)
+            right = photos - (self.structure.by_photo @ zy).reshape(photos.shape)
         corner = shared - np.einsum("pig,pik->gk", self.t, y) if len(shared) else shared
         x, s = factor.solve(right, corner)
-        back = np.matmul(self.z.transpose(0, 2, 1), x[problem.photo])
-        for group in problem.groups:
-            rays = back[group.ray_slice].reshape(group.points, group.rays, 3, k)
-            y[group.point_slice] -= rays.sum(axis=1)
+        for piece in self.structure.pieces:
+            # Z' x of all rays of a point at once
+            count, wide = piece.stop - piece.start, piece.group.rays * d
+            z = self.z[piece.rays].reshape(count, wide, 3)
+            moved = x[problem.photo[piece.rays]].reshape(count, wide, k)
+            y[piece.points] -= np.matmul(z.transpose(0, 2, 1), moved)
         if len(shared):
             y -= np.matmul(self.t, s)
         return x, np.matmul(self.inverse_root.transpose(0, 2, 1), y), s

@@ -19,7 +19,7 @@ from anaplot.aliases import Array
 from anaplot.bundle.solve.datum import Anchor, anchor
 from anaplot.bundle.solve.factor import Factor, NotPositiveError
 from anaplot.bundle.solve.imaging import BlockState
-from anaplot.bundle.solve.linearised import Linearised, Unknowns, effect, linearise, move
+from anaplot.bundle.solve.linearised import Linearised, Unknowns, effects, linearise, move
 from anaplot.bundle.solve.normal import NormalEquations, PointError
 from anaplot.bundle.solve.problem import Problem, listed
 from anaplot.bundle.solve.structure import Structure, make_structure
@@ -176,7 +176,7 @@ def _loose(normal: NormalEquations, factor: Factor) -> str:
     except np.linalg.LinAlgError:
         return ""
     weak = np.flatnonzero(found.resisted > _AS_WEAK * found.resisted[0]).tolist()
-    moved = [np.abs(found.unknowns[k][2]) for k in weak]
+    moved = [np.abs(found.unknowns[2][:, k]) for k in weak]
     shares = [one / one.max() for one in moved if one.max() > 0.0]
     if not shares:
         return ""
@@ -213,7 +213,7 @@ class _Movements(NamedTuple):
     Attributes
     ----------
     unknowns
-        Of each: (n, d) of the photos, (p, 3) of the points and (g,) shared parameters.
+        (n, d, k) of the photos, (p, 3, k) of the points and (g, k) shared parameters.
     right
         (n, d, k) what the normal equations make of them; of points and shared parameters nothing.
     resisted
@@ -222,7 +222,7 @@ class _Movements(NamedTuple):
         (n, d, k) movements of the photos in units of what the observations determine alone.
     """
 
-    unknowns: tuple[Unknowns, ...]
+    unknowns: Unknowns
     right: Array
     resisted: Array
     size: Array
@@ -250,19 +250,32 @@ def _weakest(normal: NormalEquations, factor: Factor, count: int) -> _Movements:
     count = min(count, n * d)
     diagonal = np.einsum("nii->ni", normal.blocks[structure.pattern.diagonal])
     unit = np.sqrt(np.maximum(diagonal, 1e-300))[:, :, None]
-    points = np.zeros((len(problem.points), 3, count))
-    shared = np.zeros((problem.in_border, count))
     right = np.random.default_rng(1).normal(size=(n, d, count))
     for _ in range(_ITERATIONS):
-        x = normal.solve(factor, right * unit, points, shared)
-        right = np.linalg.qr((x[0] * unit).reshape(n * d, count))[0].reshape(n, d, count)
-    x = normal.solve(factor, right * unit, points, shared)
+        moved = _photos_moved(normal, factor, right * unit) * unit
+        right = np.linalg.qr(moved.reshape(n * d, count))[0].reshape(n, d, count)
+    x = normal.solve(factor, right * unit, *_of_others(problem, count))
     yielding = right.reshape(n * d, count).T @ (x[0] * unit).reshape(n * d, count)
     resisted, axes = np.linalg.eigh((yielding + yielding.T) / 2.0)
     axes = axes[:, ::-1]
     photos, points, shared = (part @ axes for part in x)
-    unknowns = tuple((photos[..., k], points[..., k], shared[..., k]) for k in range(count))
-    return _Movements(unknowns, (right * unit) @ axes, resisted[::-1], photos * unit)
+    return _Movements(
+        (photos, points, shared), (right * unit) @ axes, resisted[::-1], photos * unit
+    )
+
+
+def _of_others(problem: Problem, count: int) -> tuple[Array, Array]:
+    """(p, 3, k) and (g, k) zeros: right-hand sides of photos alone."""
+    return np.zeros((len(problem.points), 3, count)), np.zeros((problem.in_border, count))
+
+
+def _photos_moved(normal: NormalEquations, factor: Factor, right: Array) -> Array:
+    """(n, d, k) changes of the photos for right-hand sides of photos alone."""
+    points, shared = _of_others(normal.problem, right.shape[2])
+    if normal.changes(factor):
+        return normal.solve(factor, right, points, shared)[0]
+    # points without right-hand sides of their own are eliminated already
+    return factor.solve(right, shared)[0]
 
 
 def _by_noise(
@@ -288,34 +301,27 @@ def _by_noise(
         Whether no less than that is enough where it is little: nothing is solved for then.
     """
     problem, linear = normal.problem, normal.linear
-    resistance = [effect(problem, linear, movement) for movement in found.unknowns]
+    resistance = effects(problem, linear, found.unknowns)
     resisted = np.array([max(each.vtpv, np.finfo(float).tiny) for each in resistance])
     changed = np.zeros(len(resistance))
     rng = np.random.default_rng(2)
     for _ in range(_NOISES):
-        moved = list(_solved(normal, factor, normal.gradient(_random(linear, rng, noise))))
+        moved = list(normal.solution(factor, normal.gradient(_random(linear, rng, noise))))
         along = np.tensordot(moved[0], found.right, 2) / found.resisted
-        for movement, amount in zip(found.unknowns, along.tolist(), strict=True):
-            for part, own in zip(moved, movement, strict=True):
-                part -= amount * own
+        for part, own in zip(moved, found.unknowns, strict=True):
+            part -= own @ along
         there = linearise(problem, move(problem, state, moved[0], moved[1], moved[2]))
-        for k, movement in enumerate(found.unknowns):
-            change = _less(effect(problem, there, movement), resistance[k])
-            if most and change.vtpv <= _NOISE**2 * resisted[k]:
-                changed[k] += change.vtpv
-                continue
+        each = list(map(_less, effects(problem, there, found.unknowns), resistance))
+        change = np.array([one.vtpv for one in each])
+        asked = np.flatnonzero((change > _NOISE**2 * resisted) | (not most))
+        if len(asked):
             # what the other unknowns take up resists nothing
-            right = normal.gradient(change)
-            taken = zip(right, _solved(normal, factor, right), strict=True)
-            changed[k] += max(change.vtpv - sum(float(np.vdot(a, b)) for a, b in taken), 0.0)
+            sides = [normal.gradient(each[k]) for k in asked.tolist()]
+            right = tuple(np.stack(part, axis=-1) for part in zip(*sides, strict=True))
+            for side, taken in zip(right, normal.solve(factor, *right), strict=True):
+                change[asked] -= (side * taken).sum(axis=tuple(range(side.ndim - 1)))
+        changed += np.maximum(change, 0.0)
     return np.asarray(np.sqrt(changed / _NOISES / resisted))
-
-
-def _solved(normal: NormalEquations, factor: Factor, right: Unknowns) -> Unknowns:
-    photos, points, shared = normal.solve(
-        factor, right[0][:, :, None], right[1][:, :, None], right[2][:, None]
-    )
-    return photos[:, :, 0], points[:, :, 0], shared[:, 0]
 
 
 def _less(one: Linearised, other: Linearised) -> Linearised:
