@@ -15,7 +15,8 @@ from typing import NamedTuple
 import numpy as np
 
 from anaplot.aliases import Array, Bools, Complex, Index
-from anaplot.photogrammetry.block import ImagePoint
+from anaplot.photogrammetry.imagepoint import ImagePoint
+from anaplot.photogrammetry.imagepoints import columns_of
 
 __all__ = ["LOOSE", "Overlap", "PhotoPlace", "laid_out", "overlap"]
 
@@ -131,25 +132,23 @@ def laid_out(image_points: Iterable[ImagePoint]) -> dict[str, PhotoPlace]:
     image_points
         Their image points; what is off does not count.
     """
-    rows = [row for row in image_points if row.use != "off"]
-    if not rows:
+    columns = columns_of(image_points)
+    rows = columns.with_use("xy", "x", "y")
+    if not len(rows):
         return {}
-    names: dict[str, int] = {}
-    photo = np.array([names.setdefault(row.photo, len(names)) for row in rows])
-    numbers: dict[str, int] = {}
-    point = np.array([numbers.setdefault(row.point, len(numbers)) for row in rows])
+    photos, points = columns.photo.of_rows(rows), columns.point.of_rows(rows)
+    photo, point, names = photos.index, points.index, photos.values
     # of a point that a photograph has twice the first
     once = np.unique(point * len(names) + photo, return_index=True)[1]
     photo, point = photo[once], point[once]
-    at = np.array([complex(row.x, row.y) for row in rows])[once]
+    at = columns.xy[rows[once]].view(np.complex128)[:, 0]
     count = np.bincount(photo)
     total = np.stack((np.bincount(photo, at.real), np.bincount(photo, at.imag)), axis=1)
     middle = (total / count[:, None]).view(np.complex128)[:, 0]
     at = at - middle[photo]
     spread = np.bincount(photo, np.abs(at)) / count
-    overlaps = _overlaps(tuple(names), photo, point, at)
-    name = tuple(names)
-    return {name[k]: place for k, place in _placed(overlaps, middle, spread).items()}
+    overlaps = _overlaps(names, photo, point, at)
+    return {names[k]: place for k, place in _placed(overlaps, middle, spread).items()}
 
 
 class _Overlaps(NamedTuple):
@@ -311,6 +310,7 @@ def _along_tree(overlaps: _Overlaps) -> tuple[dict[int, float], dict[int, bool]]
         return photo
 
     strong = overlaps.of(np.lexsort((overlaps.misfit, -overlaps.points)))
+    apart = len(np.union1d(strong.first, strong.second))
     for first, second, turn, mirrored in zip(
         strong.first.tolist(),
         strong.second.tolist(),
@@ -321,8 +321,11 @@ def _along_tree(overlaps: _Overlaps) -> tuple[dict[int, float], dict[int, bool]]
         a, b = root_of(first), root_of(second)
         if a != b:
             root[a] = b
+            apart -= 1
             beside[first].append((second, turn, mirrored))
             beside[second].append((first, turn if mirrored else -turn, mirrored))
+            if apart == 1:
+                break
     largest: tuple[dict[int, float], dict[int, bool]] = ({}, {})
     left = dict.fromkeys(beside)
     while left:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -24,6 +25,7 @@ __all__ = [
 _ON_A_LINE = 0.02  # extent across over extent along below which points leave a rotation open
 
 _SAMPLES = 200  # triples that are tried of more than eight points
+_AT_ONCE = 16384  # distances that stay at hand while they are used
 
 
 class Similarity(NamedTuple):
@@ -94,17 +96,38 @@ def robust_similarity(source: Array, target: Array) -> tuple[Similarity, Bools] 
         return None
     index = index[good]
     scale, rotation, shift = _closed_form(source[index], target[index])
-    off = np.matmul(scale[:, None, None] * rotation, source.T)
-    off += shift[:, :, None] - target.T
-    distance = np.sqrt(np.einsum("kin,kin->kn", off, off))
     # three points always agree: at least one more must
     half = min(n - 1, max(n // 2, 3))
-    middle = np.partition(distance, half, axis=1)[:, half]
-    best = int(np.argmin(middle))
-    limit = 6.0 * float(middle[best]) + 1e-9 * float(np.ptp(target, axis=0).max() + 1e-12)
-    inliers = distance[best] <= limit
+    rows = np.concatenate((scale[:, None, None] * rotation, shift[:, :, None]), axis=2)
+    columns = np.vstack((source.T, np.ones(n)))
+    best, least = 0, np.inf  # of squares
+    step = max(1, _AT_ONCE // n)
+    for first in range(0, len(index), step):
+        squares = _squares(rows[first : first + step], columns, target)
+        # few are better than the best before: to count is quicker than to sort
+        better = np.flatnonzero(np.count_nonzero(squares < least, axis=1) > half)
+        if len(better):
+            middle = np.partition(squares[better], half, axis=1)[:, half]
+            best = first + int(better[np.argmin(middle)])
+            least = float(middle.min())
+    if not least < np.inf:
+        return None
+    distance = np.sqrt(_squares(rows[[best]], columns, target)[0])
+    limit = 6.0 * sqrt(least) + 1e-9 * float(np.ptp(target, axis=0).max() + 1e-12)
+    inliers = distance <= limit
     inliers[index[best]] = True
     return fit_similarity(source[inliers], target[inliers]), inliers
+
+
+def _squares(rows: Array, columns: Array, target: Array) -> Array:
+    """(k, n) squared distances of (4, n) points from their targets (n, 3), by k (3, 4) motions."""
+    out: Array = np.zeros((len(rows), len(target)))
+    for axis in range(3):
+        off = rows[:, axis] @ columns
+        off -= target[:, axis]
+        off *= off
+        out += off
+    return out
 
 
 def without_scale(fitted: Similarity, source: Array) -> Similarity:

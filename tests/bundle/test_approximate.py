@@ -236,6 +236,25 @@ def test_similarity_beside_wrong_points(seed: int) -> None:
     np.testing.assert_allclose(refined.apply(source), target, atol=1e-5 * scale)
 
 
+@pytest.mark.parametrize("count", [60, 900])
+def test_similarity_beside_many_wrong_points(count: int) -> None:
+    """Two of five points are anywhere: the motion on which most agree is that of the others."""
+    rng = np.random.default_rng(count)
+    rotation = Rotation.from_quat(rng.normal(size=4)).as_matrix()
+    source = rng.normal(size=(count, 3)) * (900.0, 400.0, 30.0) + (4e5, 5e6, 200.0)
+    target = 0.7 * source @ rotation.T + rng.normal(size=3)
+    noisy = target + rng.normal(0.0, 0.01, (count, 3))
+    wrong = rng.permutation(count) < 0.4 * count
+    noisy[wrong] += rng.normal(size=(int(wrong.sum()), 3)) * 200.0
+    found = robust_similarity(source, noisy)
+    assert found is not None
+    similarity, inliers = found
+    assert not (inliers & wrong).any()
+    # of six times the median of the others hardly any is left out
+    assert inliers.sum() > 0.95 * (~wrong).sum()
+    np.testing.assert_allclose(similarity.apply(source), target, atol=0.05)
+
+
 def test_points_on_a_line_give_no_similarity() -> None:
     line = np.outer(np.arange(5.0), [1.0, 2.0, 3.0])
     assert robust_similarity(line, line) is None

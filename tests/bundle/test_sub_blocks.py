@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from bundleblocks import aerial
 
 from anaplot.bundle.solve.problem import make_problem
@@ -66,3 +67,22 @@ def test_points_with_a_place_keep_it() -> None:
     assert part.place(problem, rays) == 0
     assert part.place(problem, rays, again=True) == 0
     np.testing.assert_allclose(part.points[:3], truth[:3], atol=1.0)
+
+
+@pytest.mark.parametrize("far", [1e1, 1e2, 3e3, 2e4, 1e6])
+def test_rays_meet_at_any_angle_or_are_parallel(far: float) -> None:
+    problem, part, rays, truth = scene_and_photos()
+    k = int(np.flatnonzero(rays_of(problem, part) == 2)[0])
+    mine = np.flatnonzero(problem.point == k)
+    centres = part.centres[problem.photo[mine]]
+    base = float(np.linalg.norm(centres[1] - centres[0]))
+    place = centres[0] + far * base * np.array([0.3, -0.4, -(0.75**0.5)])
+    away = place - centres
+    turned = np.einsum("nji,nj->ni", part.rotations[problem.photo[mine]], away)
+    rays[mine] = turned / np.linalg.norm(turned, axis=1)[:, None]
+    found = intersect_rays(problem, part, rays, np.arange(len(truth)) == k)[k]
+    # the smallest eigenvalue is a quarter of the square of the angle, the largest is 2
+    if far > 1e5:
+        assert np.isnan(found).all()
+    else:
+        np.testing.assert_allclose(found, place, atol=1e-14 * far**3 * base + 1e-6)

@@ -18,7 +18,7 @@ from anaplot.bundle.solve.problem import Problem
 __all__ = ["Cluster", "PointSet", "point_sets"]
 
 _MOST_POINTS = 256  # of a cluster, whatever it costs
-_OWN_COST = 4e6  # of a cluster, in products of two numbers
+_OWN_COST = 2e6  # of a cluster, in products of two numbers
 _PLACING = 20.0  # cost of putting an element of its matrix into its place
 
 

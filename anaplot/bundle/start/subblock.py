@@ -21,6 +21,8 @@ RESECTING = "resecting photos"
 _ALONG = 0.01  # share of the extent within which points on a line coincide
 _ROUNDS = 6  # of weights when rays are intersected
 _PARALLEL = 1e-10  # smallest over largest eigenvalue below which rays count as parallel
+_NARROW = 1e-6  # the same, from which a solution by cofactors keeps its digits
+_UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))  # of a symmetric matrix
 
 
 @dataclass(slots=True, eq=False)
@@ -244,34 +246,52 @@ def intersect_rays(
 
 
 def _met(subblock: SubBlock, rays: Array, photo: Index, point: Index) -> Array:
-    """Intersect (m, 3) rays of points counted from 0; see `intersect_rays`."""
-    count = int(point.max()) + 1
-    direction = np.einsum("nij,nj->ni", subblock.rotations[photo], rays)
-    centre = subblock.centres[photo]
+    """Intersect (m, 3) rays of points counted from 0, side by side; see `intersect_rays`."""
+    first = np.flatnonzero(np.diff(point, prepend=-1))
     origin = np.nanmean(subblock.centres, axis=0)
-    centre = centre - origin
-    plane = np.eye(3) - direction[:, :, None] * direction[:, None, :]
-    toward = np.einsum("nij,nj->ni", plane, centre)
-    weight = np.ones(len(rays))
-    out = np.full((count, 3), np.nan)
-    for _ in range(_ROUNDS):
-        matrix = np.empty((count, 3, 3))
-        right = np.empty((count, 3))
-        for i in range(3):
-            right[:, i] = np.bincount(point, weight * toward[:, i], minlength=count)
-            for j in range(3):
-                matrix[:, i, j] = np.bincount(point, weight * plane[:, i, j], minlength=count)
-        values = np.linalg.eigvalsh(matrix)
-        good = values[:, 0] > _PARALLEL * values[:, 2]
-        good &= values[:, 2] > 0.0
-        out[:] = np.nan
-        out[good] = np.linalg.solve(matrix[good], right[good][:, :, None])[:, :, 0]
-        away = out[point] - centre
-        distance = np.linalg.norm(away, axis=1)
+    # a row for every component, so that one operation takes that of all rays
+    direction = np.ascontiguousarray(np.einsum("nij,nj->ni", subblock.rotations[photo], rays).T)
+    centre = np.ascontiguousarray((subblock.centres - origin)[photo].T)
+    rows = np.empty((9, len(rays)))
+    for row, (i, j) in zip(rows, _UPPER, strict=False):
+        np.multiply(direction[i], -direction[j], out=row)
+        if i == j:
+            row += 1.0
+    rows[6:] = centre - direction * np.einsum("in,in->n", direction, centre)
+    sums = np.add.reduceat(rows, first, axis=1)
+    for _ in range(_ROUNDS - 1):
+        away = np.take(_solved(sums), point, axis=1)
+        away -= centre
+        squares = np.zeros(len(rays))
+        for i, j in ((0, 1), (1, 2), (2, 0)):
+            squares += (direction[i] * away[j] - direction[j] * away[i]) ** 2
         with np.errstate(invalid="ignore", divide="ignore"):
-            miss = np.linalg.norm(np.einsum("nij,nj->ni", plane, away), axis=1) / distance
+            miss = squares / np.einsum("in,in->n", away, away)
             known = miss[np.isfinite(miss)]
-            scale = max(3.0 * float(np.median(known)), 1e-9) if len(known) else 1.0
-            weight = np.nan_to_num(1.0 / (1.0 + (miss / scale) ** 2), nan=1.0)
-    out += origin
+            # of squares: the median is that of what they are squares of
+            scale = max(9.0 * float(np.median(known)), 1e-18) if len(known) else 1.0
+            weight = np.nan_to_num(1.0 / (1.0 + miss / scale), nan=1.0)
+        sums = np.add.reduceat(rows * weight, first, axis=1)
+    return np.asarray(_solved(sums).T + origin)
+
+
+def _solved(sums: Array) -> Array:
+    """(3, n) where rays meet, of (9, n) upper triangles and right sides; NaN where parallel."""
+    xx, xy, xz, yy, yz, zz, *right = sums
+    # cofactors: the matrix is symmetric, and so is its inverse
+    a, b, c = yy * zz - yz**2, xz * yz - xy * zz, xy * yz - xz * yy
+    d, e, f = xx * zz - xz**2, xy * xz - xx * yz, xx * yy - xy**2
+    size = xx * a + xy * b + xz * c
+    inverse = ((a, b, c), (b, d, e), (c, e, f))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        out = np.stack([(i * right[0] + j * right[1] + k * right[2]) / size for i, j, k in inverse])
+    # the two larger eigenvalues multiply to a quarter of the trace's square at most
+    narrow = np.flatnonzero(~(4.0 * size > _NARROW * (xx + yy + zz) ** 3))
+    if len(narrow):
+        matrix = sums[[0, 1, 2, 1, 3, 4, 2, 4, 5]][:, narrow].T.reshape(-1, 3, 3)
+        values = np.linalg.eigvalsh(matrix)
+        good = (values[:, 0] > _PARALLEL * values[:, 2]) & (values[:, 2] > 0.0)
+        out[:, narrow] = np.nan
+        there = narrow[good]
+        out[:, there] = np.linalg.solve(matrix[good], sums[6:, there].T[:, :, None])[:, :, 0].T
     return out
