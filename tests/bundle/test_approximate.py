@@ -15,7 +15,7 @@ from anaplot.bundle.adjust import adjust_block, adjust_problem
 from anaplot.bundle.solve.problem import make_problem
 from anaplot.bundle.start import subblock
 from anaplot.bundle.start.bridging import bridged_parts
-from anaplot.bundle.start.relative import orient_pair, spread_rotations
+from anaplot.bundle.start.relative import _Pair, orient_pair, spread_rotations
 from anaplot.bundle.start.resection import resect, three_point_resection
 from anaplot.bundle.start.subblock import SubBlock, unit_rays
 from anaplot.photogrammetry.block import ControlPoint, ImagePoint, Strip
@@ -200,6 +200,30 @@ def test_relative_orientation_in_any_attitude(seed: int) -> None:
     best = min(found[:3], key=lambda o: float(np.abs(o.rotation - wanted).max()))
     np.testing.assert_allclose(best.rotation, wanted, atol=1e-5)
     np.testing.assert_allclose(best.base, base, atol=1e-5)
+
+
+def test_coplanarity_changes_with_turn_and_base_as_its_derivatives_say() -> None:
+    rng = np.random.default_rng(1)
+    pair = _Pair(rng.normal(size=(9, 3)), rng.normal(size=(9, 3)))
+    rotations, bases = Rotation.random(4, rng).as_matrix(), rng.normal(size=(4, 3))
+    e, weight = rng.normal(size=(4, 9)), rng.uniform(0.5, 2.0, (4, 9))
+    h = 1e-6
+    columns = []
+    for side in np.eye(6) * h:
+        turn, there = Rotation.from_rotvec(side[:3]).as_matrix(), bases + side[3:]
+        back = Rotation.from_rotvec(-side[:3]).as_matrix(), bases - side[3:]
+        ahead = pair.misclosures(turn @ rotations, there)
+        columns.append((ahead - pair.misclosures(back[0] @ rotations, back[1])) / (2.0 * h))
+    design = np.stack(columns, axis=2)
+    normal, right = pair.equations(rotations, bases, e, weight)
+    np.testing.assert_allclose(
+        normal, np.einsum("kn,kni,knj->kij", weight, design, design), atol=1e-6
+    )
+    np.testing.assert_allclose(
+        right[:, :, 0], -np.einsum("kn,kni,kn->ki", weight, design, e), atol=1e-6
+    )
+    plain = np.einsum("ki,kni->kn", bases, np.cross(pair.first, pair.turned(rotations)))
+    np.testing.assert_allclose(pair.misclosures(rotations, bases), plain, atol=1e-12)
 
 
 @given(st.integers(0, 10_000))

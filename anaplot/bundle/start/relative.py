@@ -20,6 +20,12 @@ __all__ = ["RelativeOrientation", "orient_pair", "spread_rotations"]
 _STARTS = 600
 _REFINED = 40
 _MOST_POINTS = 80
+_STEPS = 30
+_STILL = 1e-5  # step after which a candidate is at rest [rad]
+_MEETING = 1e-10  # square of the sine at which rays meet
+_IN_FRONT = 0.6  # share of the points that are in front of both photos
+_SAME = 0.02  # by which elements of orientations differ that are the same, together
+_DISTINCT = 6  # orientations that are told of
 _SECOND_ANGLE = 1.533751168755204288118041  # root of x^4 = x + 4
 
 
@@ -60,38 +66,73 @@ def orient_pair(first: Array, second: Array) -> list[RelativeOrientation]:
     if len(p) > _MOST_POINTS:
         chosen = np.random.default_rng(0).permutation(len(p))[:_MOST_POINTS]
         p, q = p[chosen], q[chosen]
+    pair = _Pair(p, q)
     starts = np.concatenate((np.eye(3)[None], spread_rotations(_STARTS - 1)))
-    bases, size = _best_bases(starts, p, q)
+    bases, size = _best_bases(starts, pair)
     chosen = np.argsort(size)[:_REFINED]
     chosen = np.unique(np.append(chosen, 0))
-    rotations, bases = _refine(starts[chosen], bases[chosen], p, q)
-    found: list[RelativeOrientation] = []
-    for rotation, base in zip(rotations, bases, strict=True):
-        turned = q @ rotation.T
-        error = float(np.median(np.abs(np.cross(p, turned) @ base)))
-        for twist in (np.eye(3), 2.0 * np.outer(base, base) - np.eye(3)):
-            # the photo turned by 180 degrees about the base fits as well, with points behind it
-            here = twist @ rotation
-            cosine = np.einsum("ni,ni->n", p, q @ here.T)
-            angle = float(np.median(np.arccos(np.clip(cosine, -1.0, 1.0))))
-            for sign in (1.0, -1.0):
-                share = _in_front(p, q @ here.T, sign * base)
-                found.append(RelativeOrientation(sign * base, here, error, share, angle))
-    found.sort(key=lambda o: (-round(o.in_front * 10.0), o.error))
-    distinct: list[RelativeOrientation] = []
-    for one in found:
-        if one.in_front < 0.6:
-            continue
-        if all(
-            np.linalg.norm(one.rotation - other.rotation) > 0.02
-            or np.linalg.norm(one.base - other.base) > 0.02
-            for other in distinct
-        ):
-            distinct.append(one)
-        if len(distinct) == 6:
-            break
-    distinct.sort(key=lambda o: o.error)
-    return distinct
+    return _distinct(_seen_both_ways(*_refine(starts[chosen], bases[chosen], pair), pair))
+
+
+class _Candidates(NamedTuple):
+    """(k, 3) bases, (k, 3, 3) rotations and (k,) figures of many relative orientations."""
+
+    base: Array
+    rotation: Array
+    error: Array
+    in_front: Array
+    angle: Array
+
+    def one(self, k: int) -> RelativeOrientation:
+        """Return one of them."""
+        error, in_front, angle = (
+            float(figures[k]) for figures in (self.error, self.in_front, self.angle)
+        )
+        return RelativeOrientation(self.base[k], self.rotation[k], error, in_front, angle)
+
+
+def _seen_both_ways(rotations: Array, bases: Array, pair: _Pair) -> _Candidates:
+    """Return what (k, 3, 3) and (k, 3) solutions of the conditions may be, four for each.
+
+    The photo turned by 180 degrees about the base fits as well, and so does either with the base
+    turned round: all of them but one have points behind the photos.
+    """
+    error = _medians(np.abs(pair.misclosures(rotations, bases)))
+    half = 2.0 * bases[:, :, None] * bases[:, None, :] - np.eye(3)
+    here = np.stack((rotations, half @ rotations), axis=1).reshape(-1, 3, 3)
+    base = np.repeat(bases, 2, axis=0)
+    turned = pair.turned(here)
+    pq = (turned * pair.first).sum(axis=2)
+    angle = _medians(np.arccos(np.clip(pq, -1.0, 1.0)))
+    bp, bq = base @ pair.first.T, np.matmul(turned, base[:, :, None])[:, :, 0]
+    # how far along the rays they meet
+    along_p, along_q = bp - pq * bq, pq * bp - bq
+    good = 1.0 - pq**2 > _MEETING
+    ahead = (good & (along_p > 0.0) & (along_q > 0.0)).mean(axis=1)
+    back = (good & (along_p < 0.0) & (along_q < 0.0)).mean(axis=1)
+    return _Candidates(
+        np.stack((base, -base), axis=1).reshape(-1, 3),
+        np.repeat(here, 2, axis=0),
+        np.repeat(error, 4),
+        np.stack((ahead, back), axis=1).ravel(),
+        np.repeat(angle, 2),
+    )
+
+
+def _distinct(found: _Candidates) -> list[RelativeOrientation]:
+    """Return orientations that differ, the best first; of those with points behind none."""
+    order = np.lexsort((found.error, -np.rint(found.in_front * 10.0)))
+    order = order[found.in_front[order] >= _IN_FRONT]
+    chosen: list[int] = []
+    while len(order) and len(chosen) < _DISTINCT:
+        best = int(order[0])
+        chosen.append(best)
+        turned = found.rotation[order] - found.rotation[best]
+        moved = found.base[order] - found.base[best]
+        differs = np.sqrt((turned**2).sum(axis=(1, 2))) > _SAME
+        order = order[differs | (np.sqrt((moved**2).sum(axis=1)) > _SAME)]
+    chosen.sort(key=lambda k: found.error[k])
+    return [found.one(k) for k in chosen]
 
 
 def spread_rotations(count: int) -> Array:
@@ -112,58 +153,93 @@ def spread_rotations(count: int) -> Array:
     return out
 
 
-def _best_bases(rotations: Array, p: Array, q: Array) -> tuple[Array, Array]:
+def _best_bases(rotations: Array, pair: _Pair) -> tuple[Array, Array]:
     """Return the base of smallest misclosure for each rotation, and that misclosure."""
-    normals = np.cross(p[None], np.matmul(q, rotations.transpose(0, 2, 1)))
+    normals = pair.normals(rotations)
     values, vectors = np.linalg.eigh(np.matmul(normals.transpose(0, 2, 1), normals))
     # normals shrink when all rays are parallel: the misclosure is judged against them
     return vectors[:, :, 0], values[:, 0] / np.maximum(values.sum(axis=1), 1e-12)
 
 
-def _in_front(p: Array, q: Array, base: Array) -> float:
-    """Share of the points whose rays meet in front of both photos."""
-    pq = np.einsum("ni,ni->n", p, q)
-    bp, bq = p @ base, q @ base
-    denominator = 1.0 - pq**2
-    good = denominator > 1e-10
-    if not good.any():
-        return 0.0
-    along_p = bp - pq * bq
-    along_q = pq * bp - bq
-    return float(((along_p > 0.0) & (along_q > 0.0) & good).sum() / len(p))
-
-
-def _refine(rotations: Array, bases: Array, p: Array, q: Array) -> tuple[Array, Array]:
+def _refine(rotations: Array, bases: Array, pair: _Pair) -> tuple[Array, Array]:
     """Robust damped Gauss-Newton of all candidates side by side."""
+    rotations, bases = rotations.copy(), bases.copy()
     damping = np.full(len(bases), 1e-3)
-
-    def misclosure(r: Array, b: Array) -> tuple[Array, Array]:
-        turned = np.matmul(q, r.transpose(0, 2, 1))
-        return np.einsum("kni,ki->kn", np.cross(p[None], turned), b), turned
-
-    e, turned = misclosure(rotations, bases)
-    for _ in range(30):
-        scale = np.maximum(2.0 * np.median(np.abs(e), axis=1), 1e-9)[:, None]
-        cost = np.log1p((e / scale) ** 2).sum(axis=1)
-        weight = 1.0 / (1.0 + (e / scale) ** 2)
-        to_rotation = np.cross(turned, np.cross(bases[:, None], p[None]))
-        to_base = np.cross(p[None], turned)
-        design = np.concatenate((to_rotation, to_base), axis=2)
-        normal = np.einsum("kn,kni,knj->kij", weight, design, design)
-        right = -np.einsum("kn,kni,kn->ki", weight, design, e)
-        trace = np.einsum("kii->k", normal)[:, None, None] / 6.0
-        normal += damping[:, None, None] * trace * np.eye(6) + 1e-14 * np.eye(6)
+    at = np.arange(len(bases))  # those that have not come to rest
+    e = pair.misclosures(rotations, bases)
+    for _ in range(_STEPS):
+        r, b = rotations[at], bases[at]
+        scale = np.maximum(2.0 * _medians(np.abs(e)), 1e-9)[:, None]
+        square = (e / scale) ** 2
+        cost = np.log1p(square).sum(axis=1)
+        normal, right = pair.equations(r, b, e, 1.0 / (1.0 + square))
+        trace = np.trace(normal, axis1=1, axis2=2)[:, None, None] / 6.0
+        normal += (damping[at][:, None, None] * trace + 1e-14) * np.eye(6)
         # the base keeps its length: its correction along itself is held
-        normal[:, 3:, 3:] += trace * bases[:, :, None] * bases[:, None, :] * 1e3
-        step = np.linalg.solve(normal, right[:, :, None])[:, :, 0]
-        trial_r = np.matmul(turns(step[:, :3]), rotations)
-        trial_b = bases + step[:, 3:]
-        trial_b /= np.linalg.norm(trial_b, axis=1)[:, None]
-        new_e, new_turned = misclosure(trial_r, trial_b)
+        normal[:, 3:, 3:] += trace * b[:, :, None] * b[:, None, :] * 1e3
+        step = np.asarray(np.linalg.solve(normal, right)[:, :, 0], dtype=np.float64)
+        trial_r = np.matmul(turns(step[:, :3]), r)
+        trial_b = b + step[:, 3:]
+        trial_b /= np.sqrt((trial_b**2).sum(axis=1))[:, None]
+        new_e = pair.misclosures(trial_r, trial_b)
         better = np.log1p((new_e / scale) ** 2).sum(axis=1) <= cost
-        rotations = np.where(better[:, None, None], trial_r, rotations)
-        bases = np.where(better[:, None], trial_b, bases)
-        e = np.where(better[:, None], new_e, e)
-        turned = np.where(better[:, None, None], new_turned, turned)
-        damping = np.clip(np.where(better, damping * 0.2, damping * 10.0), 1e-10, 1e6)
+        to = at[better]
+        rotations[to], bases[to] = trial_r[better], trial_b[better]
+        e[better] = new_e[better]
+        damping[at] = np.clip(damping[at] * np.where(better, 0.2, 10.0), 1e-10, 1e6)
+        moving = np.abs(step).max(axis=1) > _STILL
+        at, e = at[moving], e[moving]
+        if not len(at):
+            break
     return rotations, bases
+
+
+class _Pair:
+    """Two photos' rays of the same points, and what is linear in the rotation between them.
+
+    Attributes
+    ----------
+    first, second
+        (n, 3) unit rays.
+    """
+
+    def __init__(self, first: Array, second: Array) -> None:
+        self.first, self.second = first, second
+        n, (x, y, z), zero = len(first), first.T, np.zeros(len(first))
+        across = np.stack((zero, -z, y, z, zero, -x, -y, x, zero), axis=1).reshape(n, 3, 3)
+        products = across[:, :, :, None] * second[:, None, None, :]
+        self._across = np.ascontiguousarray(products.reshape(3 * n, 9).T)
+
+    def normals(self, rotations: Array) -> Array:
+        """(k, n, 3) p x R q of (k, 3, 3) rotations R."""
+        out: Array = (rotations.reshape(-1, 9) @ self._across).reshape(len(rotations), -1, 3)
+        return out
+
+    def turned(self, rotations: Array) -> Array:
+        """(k, n, 3) R q."""
+        return np.asarray(np.matmul(self.second, rotations.transpose(0, 2, 1)))
+
+    def misclosures(self, rotations: Array, bases: Array) -> Array:
+        """(k, n) b . (p x R q)."""
+        return np.asarray(np.matmul(self.normals(rotations), bases[:, :, None])[:, :, 0])
+
+    def equations(
+        self, rotations: Array, bases: Array, e: Array, weight: Array
+    ) -> tuple[Array, Array]:
+        """Return (k, 6, 6) normal equations of a turn and a step of the base, and right sides."""
+        turned = self.turned(rotations)
+        k, n, _ = turned.shape
+        design = np.empty((k, n, 6))
+        # R q x (b x p) = b (R q . p) - p (R q . b)
+        design[:, :, :3] = bases[:, None] * (turned * self.first).sum(axis=2)[:, :, None]
+        design[:, :, :3] -= self.first * np.matmul(turned, bases[:, :, None])
+        design[:, :, 3:] = self.normals(rotations)
+        half = (design * weight[:, :, None]).transpose(0, 2, 1)
+        return np.matmul(half, design), -np.matmul(half, e[:, :, None])
+
+
+def _medians(values: Array) -> Array:
+    """(k,) medians of (k, n)."""
+    n = values.shape[1]
+    middle = np.partition(values, ((n - 1) // 2, n // 2), axis=1)
+    return np.asarray((middle[:, (n - 1) // 2] + middle[:, n // 2]) / 2.0)
