@@ -1,4 +1,4 @@
-"""Twelve kinds of random blocks of which nothing but the measurements is known, with their truth.
+"""Thirteen kinds of random blocks of which nothing but the measurements is known, with their truth.
 
 Each maker takes a random generator and how many times the smallest block it shall be, and lays
 photos and points out; what sees what, noise and control are the same for all.
@@ -174,6 +174,15 @@ def planar(rng: np.random.Generator, size: int) -> Layout:
     )
 
 
+def long_lens(rng: np.random.Generator, size: int) -> Layout:
+    """Oblique photos of a plane from so far that rays are nearly parallel."""
+    count = 6 * size
+    points = rng.uniform(-3.0, 3.0, (40 * size, 3)) * (1.0, 1.0, 0.003)
+    around, up = rng.uniform(0.0, 1.2, count), rng.uniform(0.7, 1.4, count)
+    layout = looking_in(rng, around, up, 70.0, points)
+    return replace(layout, cameras=(Camera("long", 300.0),))
+
+
 def three_photos(rng: np.random.Generator, size: int) -> Layout:
     """Three convergent photos of few points."""
     around = rng.uniform(0.0, 2.0 * np.pi) + np.arange(3) * rng.uniform(0.35, 0.8)
@@ -253,6 +262,7 @@ KINDS: dict[str, Callable[[np.random.Generator, int], Layout]] = {
     "two cameras": two_cameras,
     "pixels": pixels,
     "planar": planar,
+    "flat, long lens": long_lens,
     "three photos": three_photos,
     "few rays": few_rays,
 }

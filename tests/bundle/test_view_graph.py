@@ -103,7 +103,7 @@ def test_what_is_left_grows_from_a_seed_that_reaches_most_of_it() -> None:
     # one that fits, and reaches few of them, was taken
     rng = np.random.default_rng(466904)
     problem = make_problem(measured(replace(outside(rng, 16, 200), share=0.4), rng).block)
-    state = approximate_ways(problem)[4].find(None)
+    state = approximate_ways(problem)[5].find(None)
     assert state is not None
     found = find_minimum(problem, state, make_structure(problem, state.centres))
     assert found.convergence.last == pytest.approx(247.29, abs=0.01)
@@ -130,6 +130,6 @@ def test_a_photo_that_hangs_on_one_other_is_a_seed_with_that() -> None:
     part = grown_from_seed(problem, unit_rays(problem), rays_of_photos(problem), alone)
     assert part is not None
     assert part.oriented[[problem.photos.index(first), problem.photos.index(last)]].all()
-    state = approximate_ways(problem)[4].find(None)
+    state = approximate_ways(problem)[5].find(None)
     assert state is not None
     assert not doubtful(problem, state)

@@ -18,9 +18,10 @@ from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.problem import Problem, listed
 from anaplot.bundle.start.absolute import give_nominal_place, to_ground, to_some_ground
 from anaplot.bundle.start.bridging import BRIDGING, bridged_parts
+from anaplot.bundle.start.plane import grown_from_plane
 from anaplot.bundle.start.seeds import PAIRS, PHOTOS, grown_from_seed
 from anaplot.bundle.start.subblock import SubBlock, intersect_rays, rays_of_photos, unit_rays
-from anaplot.bundle.start.vertical import vertical_subblock
+from anaplot.bundle.start.vertical import LEVEL, PLAINLY_LEVEL, vertical_subblock
 from anaplot.errors import NotComputableError
 
 __all__ = [
@@ -63,12 +64,13 @@ _DOUBTFUL = 0.02  # the same, from which a start often leads nowhere
 def approximate_ways(problem: Problem) -> list[Way]:
     """Return the ways to approximate values, in the order in which to try them.
 
-    What the block states; bridged strips; the photos as vertical ones; bridged strips together with
-    pairs in any attitude; such pairs alone. A way returns None where it does not apply, and raises
-    NotComputableError where it does not get through. Level photos whose rays miss by more than a
-    fiftieth of c in the median come last of all.
+    What the block states; bridged strips; the photos as oblique ones of a plane, then as vertical
+    ones; bridged strips together with pairs in any attitude; such pairs alone. A way returns None
+    where it does not apply, and raises NotComputableError where it does not get through. Level
+    photos whose rays miss by more than a fiftieth of c in the median, or that are not plainly
+    level, come last of all.
     """
-    put_off: list[BlockState] = []
+    put_off: list[Callable[[Progress | None], SubBlock | None]] = []
     rays, by_photo = unit_rays(problem), rays_of_photos(problem)
 
     def stated(progress: Progress | None) -> BlockState | None:
@@ -86,15 +88,21 @@ def approximate_ways(problem: Problem) -> list[Way]:
             return None
         return _joined(problem, rays, by_photo, free, progress, others=False)
 
+    def tilted(progress: Progress | None) -> BlockState | None:
+        part = grown_from_plane(problem, rays, by_photo, progress)
+        if part is None:
+            return None
+        return _joined(problem, rays, by_photo, [part], progress)
+
     def level(progress: Progress | None) -> BlockState | None:
-        subblock = vertical_subblock(problem, progress)
+        subblock = vertical_subblock(problem, progress, reach=PLAINLY_LEVEL)
         if subblock is None:
+            put_off.append(lambda then: vertical_subblock(problem, then, reach=LEVEL))
             return None
-        state = state_of(problem, subblock)
         if _misses(problem, subblock) > _DOUBTFUL:
-            put_off.append(state)
+            put_off.append(lambda _: subblock)
             return None
-        return state
+        return state_of(problem, subblock)
 
     def mixed(progress: Progress | None) -> BlockState | None:
         free = parts(progress)
@@ -106,11 +114,13 @@ def approximate_ways(problem: Problem) -> list[Way]:
         return _joined(problem, rays, by_photo, [], progress)
 
     def hopeless(progress: Progress | None) -> BlockState | None:
-        return put_off.pop() if put_off else None
+        subblock = put_off.pop()(progress) if put_off else None
+        return None if subblock is None else state_of(problem, subblock)
 
     return [
         Way(stated),
         Way(bridged),
+        Way(tilted),
         Way(level, _LEVEL_TRIES),
         Way(mixed),
         Way(paired),

@@ -17,7 +17,7 @@ from anaplot.bundle.start.relative import RelativeOrientation, orient_pair
 from anaplot.bundle.start.subblock import SubBlock
 from anaplot.bundle.start.viewgraph import view_graph
 
-__all__ = ["PAIRS", "PHOTOS", "grown_from_seed"]
+__all__ = ["PAIRS", "PHOTOS", "grown_from_seed", "rays_of_common_points", "spread"]
 
 PAIRS, PHOTOS = "orienting pairs", "orienting photos"
 """What is said of the progress."""
@@ -77,7 +77,7 @@ def grown_from_seed(
             part.centres[pair] = np.zeros(3), found.base
             part.rotations[pair] = np.eye(3), found.rotation
             part.place(problem, rays)
-            _spread(problem, part, rays, by_photo, beyond, progress)
+            spread(problem, part, rays, by_photo, beyond, progress)
             size = part.residuals(problem)
             size = size[~np.isnan(size)]
             error = float(np.median(size)) if len(size) else float("inf")
@@ -105,7 +105,7 @@ def _seeds(
     flat: list[tuple[Index, list[RelativeOrientation]]] = []
     good = 0
     for pair in pairs:
-        one, other = _rays_of_common_points(problem, by_photo, pair)
+        one, other = rays_of_common_points(problem, by_photo, pair)
         found = orient_pair(rays[one], rays[other])[:_ORIENTATIONS]
         if not found:
             continue
@@ -120,7 +120,7 @@ def _seeds(
     yield from flat[: _SEEDS - good]
 
 
-def _rays_of_common_points(
+def rays_of_common_points(
     problem: Problem, by_photo: list[Index], pair: Index
 ) -> tuple[Index, Index]:
     """Return the rays of the points that both photos have, point by point; the first of each."""
@@ -129,7 +129,7 @@ def _rays_of_common_points(
     return one[at], other[there]
 
 
-def _spread(
+def spread(
     problem: Problem,
     part: SubBlock,
     rays: Array,

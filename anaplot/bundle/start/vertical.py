@@ -24,11 +24,14 @@ from anaplot.bundle.start.subblock import SubBlock
 from anaplot.bundle.start.viewgraph import view_graph
 from anaplot.photogrammetry.rotation import rotation_matrix
 
-__all__ = ["vertical_subblock"]
+__all__ = ["LEVEL", "PLAINLY_LEVEL", "vertical_subblock"]
 
+
+LEVEL, PLAINLY_LEVEL = 0.12, 0.04
+"""Median misfits of two photos, as shares of c, above which they are not level, or not plainly: of
+photos flown level in our tests it is up to .025."""
 
 _NEIGHBOURS = 10  # pairs of each photo, those with most common points
-_LEVEL = 0.12  # of c: median misfit of two photos above which they are not level
 _ROUNDS = 8
 _DENSE = 200  # unknowns up to which equations are solved as a full matrix
 _OF_EDGES, _OF_PLACES = 0.25, 0.15  # of the work: pairs of photos, and their first places
@@ -55,7 +58,9 @@ class _Rays(NamedTuple):
     w: Complex
 
 
-def vertical_subblock(problem: Problem, progress: Progress | None = None) -> SubBlock | None:
+def vertical_subblock(
+    problem: Problem, progress: Progress | None = None, *, reach: float = LEVEL
+) -> SubBlock | None:
     """Orient all photos as vertical ones.
 
     With the datum "control", in the ground system as far as control in plan and stated positions
@@ -67,6 +72,8 @@ def vertical_subblock(problem: Problem, progress: Progress | None = None) -> Sub
         The bundle.
     progress
         Called with what is being done and the fraction of it.
+    reach
+        Share of c by which points of two such photos may miss each other, in the median.
 
     Returns
     -------
@@ -83,7 +90,7 @@ def vertical_subblock(problem: Problem, progress: Progress | None = None) -> Sub
     edges = _edges(problem, rays, say)
     if not edges:
         return None
-    if float(np.median([edge.misfit for edge in edges])) > _LEVEL * float(np.median(problem.c)):
+    if float(np.median([edge.misfit for edge in edges])) > reach * float(np.median(problem.c)):
         return None
     n = len(problem.photos)
     # photos of different cameras differ in scale by their c at equal heights: that is in alpha
