@@ -17,9 +17,8 @@ import subprocess
 import sys
 import threading
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from itertools import takewhile
 from typing import IO, NamedTuple, NoReturn
 
 from anaplot.photogrammetry.block import Block, ImagePoint
@@ -89,6 +88,57 @@ class _End(NamedTuple):
     fault: str = ""
 
 
+class _Known(NamedTuple):
+    """What a process knows once it has read what was taken for it: the block, and its rows."""
+
+    number: int = 0
+    bare: Block | None = None
+    rows: tuple[ImagePoint, ...] = ()
+
+
+class _Questions:
+    """What a process is still to be told: the newest question alone, however long it reads none."""
+
+    def __init__(self) -> None:
+        self._change = threading.Condition()
+        self._waiting: tuple[tuple[bytes, ...], _Known] | None = None
+        self._known = _Known()
+        self._ended = False
+
+    def withdraw(self) -> _Known:
+        """Take back what waits, and return what will be known without it."""
+        with self._change:
+            self._waiting = None
+            return self._known
+
+    def put(self, messages: Iterable[object], known: _Known) -> None:
+        """Have something told in place of what waits."""
+        waiting = tuple(map(pickle.dumps, messages)), known
+        with self._change:
+            self._waiting = waiting
+            self._change.notify()
+
+    def give_up(self) -> None:
+        """Have it told that nobody waits for an answer any more."""
+        known = self.withdraw()
+        self.put((_GiveUp(known.number),), known)
+
+    def end(self) -> None:
+        """Have nothing more told."""
+        with self._change:
+            self._ended = True
+            self._change.notify()
+
+    def next(self) -> tuple[bytes, ...] | None:
+        """Wait for what is to be told, and take it; None: nothing more."""
+        with self._change:
+            self._change.wait_for(lambda: self._ended or self._waiting is not None)
+            if self._waiting is None or self._ended:
+                return None
+            (messages, self._known), self._waiting = self._waiting, None
+            return messages
+
+
 class BlockProcess:
     """Adjusts the block in a process of its own, which begins with the first block.
 
@@ -100,15 +150,13 @@ class BlockProcess:
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None
         self._answers: queue.SimpleQueue[_Answer | _End] = queue.SimpleQueue()
-        self._said: queue.SimpleQueue[bytes | None] = queue.SimpleQueue()
+        self._said = _Questions()
         self._last_words: list[bytes] = []
         self._threads: tuple[threading.Thread, ...] = ()
         self._in_vain = 0
         self._given_up = ""
         self._here: LiveViews | None = None
         self._number = 0
-        self._sent: Block | None = None
-        self._rows: tuple[ImagePoint, ...] = ()
 
     def view(
         self, block: Block, empty: BlockView, most_weak: int, look_up: Callable[[], None]
@@ -138,16 +186,15 @@ class BlockProcess:
         try:
             return self._answer(look_up)
         except OvertakenError:
-            self._send(_GiveUp(self._number))  # if it has ended, whoever asks next will see that
+            self._said.give_up()  # if it has ended, whoever asks next will see that
             raise
 
     def close(self) -> None:
         """End the process."""
         process, self._process = self._process, None
-        self._sent, self._rows = None, ()
         if process is None:
             return
-        self._said.put(None)
+        self._said.end()
         try:
             process.wait(_LEAVES)
         except subprocess.TimeoutExpired:
@@ -159,18 +206,19 @@ class BlockProcess:
     def _ask(self, block: Block, empty: BlockView, most_weak: int) -> None:
         if self._process is None:
             self._start()
-        rows, before = tuple(block.image_points), self._rows
+        known = self._said.withdraw()
+        rows, before = tuple(block.image_points), known.rows
         bare = replace(block, image_points=())
-        first = _alike(zip(rows, before, strict=False))
+        first = _alike(rows, before)
         room = min(len(rows), len(before)) - first
-        backwards = zip(rows[::-1][:room], before[::-1][:room], strict=True)
-        last = _alike(backwards)
-        for at in range(first, len(rows) - last, _CHUNK):
-            self._send(_Rows(rows[at : min(at + _CHUNK, len(rows) - last)]))
-        known = self._sent is not None and bare == self._sent
-        asked = _Asked(self._number, None if known else bare, first, last, empty, most_weak)
-        self._send(asked)
-        self._sent, self._rows = bare, rows
+        last = _alike(rows[::-1][:room], before[::-1][:room])
+        asked: list[_Rows | _Asked] = [
+            _Rows(rows[at : min(at + _CHUNK, len(rows) - last)])
+            for at in range(first, len(rows) - last, _CHUNK)
+        ]
+        new = None if bare == known.bare else bare
+        asked.append(_Asked(self._number, new, first, last, empty, most_weak))
+        self._said.put(asked, _Known(self._number, bare, rows))
 
     def _answer(self, look_up: Callable[[], None]) -> BlockView | None:
         while True:
@@ -218,15 +266,12 @@ class BlockProcess:
         assert process.stdin is not None
         assert process.stdout is not None
         assert process.stderr is not None
-        self._answers, self._said, self._last_words = queue.SimpleQueue(), queue.SimpleQueue(), []
+        self._answers, self._said, self._last_words = queue.SimpleQueue(), _Questions(), []
         self._threads = (
             _thread("block questions", _write, process.stdin, self._said),
             _thread("block answers", _read_answers, process.stdout, self._answers),
             _thread("block errors", _read_errors, process.stderr, self._last_words),
         )
-
-    def _send(self, message: object) -> None:
-        self._said.put(pickle.dumps(message))
 
 
 def _flags() -> list[str]:
@@ -250,16 +295,24 @@ def _thread(name: str, target: Callable[..., None], *given: object) -> threading
     return thread
 
 
-def _alike(pairs: zip[tuple[ImagePoint, ImagePoint]]) -> int:
-    """Return how many pairs at the beginning are alike."""
-    return sum(1 for _ in takewhile(lambda pair: pair[0] is pair[1] or pair[0] == pair[1], pairs))
+def _alike(some: Sequence[ImagePoint], others: Sequence[ImagePoint]) -> int:
+    """Return how many rows at the beginning are alike; of most it takes no look at each."""
+    count = min(len(some), len(others))
+    at = 0
+    while at < count:
+        end = min(at + _CHUNK, count)
+        if some[at:end] != others[at:end]:
+            return at + next(k for k in range(end - at) if some[at + k] != others[at + k])
+        at = end
+    return count
 
 
-def _write(sink: IO[bytes], said: queue.SimpleQueue[bytes | None]) -> None:
-    """Tell the process what is said, until None is: one that does not read keeps nobody waiting."""
+def _write(sink: IO[bytes], said: _Questions) -> None:
+    """Tell the process what is said: one that does not read keeps nobody waiting."""
     with contextlib.suppress(OSError), sink:
-        while (message := said.get()) is not None:
-            sink.write(message)
+        while (messages := said.next()) is not None:
+            for message in messages:
+                sink.write(message)
             sink.flush()
 
 

@@ -84,8 +84,7 @@ def test_what_tells_right_orientations(
 def test_no_long_search_where_gross_errors_tear_every_minimum(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    rng = np.random.default_rng(1)
-    scene, named = wild(measured(KINDS["few rays"](rng, 1), rng), 0.04)
+    scene, named = wild(ring(2), 0.08)
     limits = []
 
     def counted(*args, tries=None, **named):
@@ -106,7 +105,7 @@ def test_no_long_search_where_gross_errors_tear_every_minimum(
 def test_photos_that_no_way_orients_are_named() -> None:
     # a walk of which most steps share too little: level photos are far from the truth
     rng = np.random.default_rng(1)
-    scene = measured(replace(building(rng, 39, 700), share=0.3), rng)
+    scene = measured(replace(building(rng, 20, 350), share=0.3), rng)
     problem = make_problem(scene.block)
-    with pytest.raises(NotComputableError, match=r"no approximate orientation found for photos f3"):
+    with pytest.raises(NotComputableError, match=r"no approximate orientation found for photos f2"):
         bestminimum.best_minimum(problem, None, problem)

@@ -230,7 +230,8 @@ def test_an_answer_that_cannot_be_read_is_told(process, begin):
 
 def test_a_question_that_cannot_be_read_ends_the_process(process):
     assert process.view(strip(), EMPTY, 0, patient()).solved
-    process._said.put(BROKEN)
+    process._process.stdin.write(BROKEN)
+    process._process.stdin.flush()
     with pytest.raises(ElsewhereError, match=r"\(exit 1: UnicodeDecodeError: .*\)$"):
         process.view(strip(), EMPTY, 0, patient())
 
@@ -283,6 +284,40 @@ def test_a_watch_closes_beside_a_process_that_does_not_read(monkeypatch):
     child.kill()
     assert not hangs
     assert child.returncode == -signal.SIGKILL
+
+
+@no_windows
+def test_a_process_that_does_not_read_is_kept_the_newest_question_alone(process):
+    block = strip()
+    assert process.view(block, EMPTY, 0, patient()).solved
+    child, photo = process._process, block.image_points[0].photo
+    os.kill(child.pid, signal.SIGSTOP)
+
+    def overtaken() -> None:
+        raise OvertakenError
+
+    kept = []
+    for k in range(6):
+        # the first is more than a pipe holds; the others wait
+        more = (ImagePoint(photo, f"more{k}-{j}", 0.001 * j, 0.0) for j in range(4000))
+        with pytest.raises(OvertakenError):
+            process.view(
+                replace(block, image_points=(*block.image_points, *more)), EMPTY, 0, overtaken
+            )
+        kept.append(sum(map(len, process._said._waiting[0])) if process._said._waiting else 0)
+    assert max(kept) < 100
+    fewer = replace(block, image_points=block.image_points[4:-3])
+    answers: list[BlockView | None] = []
+    asking = threading.Thread(
+        target=lambda: answers.append(process.view(fewer, EMPTY, 0, patient())), daemon=True
+    )
+    asking.start()
+    os.kill(child.pid, signal.SIGCONT)
+    asking.join(WAIT)
+    assert process._process is child
+    alone = LiveViews().view(fewer, EMPTY, 0, never)
+    assert (answers[0].rays, answers[0].points) == (alone.rays, alone.points)
+    assert answers[0].sigma0 == pytest.approx(alone.sigma0, rel=1e-9)
 
 
 @no_windows
