@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from anaplot.aliases import Array, Index
+from anaplot.aliases import Array, Bools, Index
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.imaging import BlockState, imaged_places, seen_places
 from anaplot.bundle.solve.problem import Problem
@@ -332,24 +332,24 @@ class _Neighbourhood:
     ----------
     r
         (k,) redundancy numbers of the photo's coordinates.
-    beside
-        (k, 6 n) their cofactors with the n photos.
-    q
-        (6 n, 6 n) cofactors of those.
     rows
-        Of each candidate (2 j, 6 n): its coordinates after the point is eliminated.
+        Of each candidate (2 j,), where its coordinates stand in the following arrays.
+    beside
+        (k, m) cofactors of the photo's with the candidates' coordinates, their points eliminated.
+    between
+        (m, m) cofactors of those.
     alone
-        Of each candidate (2 j,): the redundancy numbers that its rays alone have.
+        (m,) the redundancy numbers that the rays of a candidate alone have.
     mine
-        Of each candidate (2 j,): whether the coordinate is one of the photo.
+        (m,) whether the coordinate is one of the photo.
     """
 
     r: Array
+    rows: tuple[Index, ...]
     beside: Array
-    q: Array
-    rows: tuple[Array, ...]
-    alone: tuple[Array, ...]
-    mine: tuple[Array, ...]
+    between: Array
+    alone: Array
+    mine: Bools
 
     @classmethod
     def of(
@@ -375,13 +375,16 @@ class _Neighbourhood:
             rows.append(projector @ a.reshape(2 * j, 6 * n))
             alone.append(np.diag(projector))
             mine.append(np.repeat(one.photo == index, 2))
+        whole, q = np.concatenate(rows), solved[0][near, :6].reshape(6 * n, 6 * n)
+        beside = normal.seen(*solved, rays).reshape(2 * len(rays), 6 * n)
+        ends = np.cumsum([len(one) for one in rows])
         return cls(
             block.cofactors.r[rays].ravel(),
-            normal.seen(*solved, rays).reshape(2 * len(rays), 6 * n),
-            solved[0][near, :6].reshape(6 * n, 6 * n),
-            tuple(rows),
-            tuple(alone),
-            tuple(mine),
+            tuple(np.split(np.arange(ends[-1]), ends[:-1])),
+            beside @ whole.T,
+            whole @ q @ whole.T,
+            np.concatenate(alone),
+            np.concatenate(mine),
         )
 
     def with_points(self, chosen: Sequence[int]) -> tuple[float, float]:
@@ -389,12 +392,9 @@ class _Neighbourhood:
         if not chosen:
             return float(self.r.mean()), float(self.r.min())
         rows = np.concatenate([self.rows[k] for k in chosen])
-        between, beside = rows @ self.q @ rows.T, self.beside @ rows.T
+        between, beside = self.between[np.ix_(rows, rows)], self.beside[:, rows]
         inverse = np.linalg.inv(np.eye(len(rows)) + between)
         old = self.r + ((beside @ inverse) * beside).sum(axis=1)
         # of the new ones P - P A Q' A'P with Q' the cofactors that they have changed themselves
-        alone = np.concatenate([self.alone[k] for k in chosen])
-        new = (alone - (inverse * between).sum(axis=1))[
-            np.concatenate([self.mine[k] for k in chosen])
-        ]
+        new = (self.alone[rows] - (inverse * between).sum(axis=1))[self.mine[rows]]
         return float(np.concatenate([old, new]).mean()), float(old.min())
