@@ -444,7 +444,10 @@ def _robust(task: _Task, method: Literal["huber", "danish"]) -> _End:
     ]
     steps += _reject_beyond(task, state, np.abs(robust.misclosures))
     steps += bring_back(state, rule_of(method, task.alpha), task.watch)
-    settled = f"the weights did not settle in {len(robust.changes)} iterations"
+    settled = (
+        f"the weights did not settle in {len(robust.changes)} iterations: the last ones count, "
+        f"which still change by up to {robust.changes[-1]:.1g}"
+    )
     return _End(state, steps, () if robust.converged else (settled,), robust.weights)
 
 

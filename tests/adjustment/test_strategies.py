@@ -385,6 +385,18 @@ def test_single_and_pair_odds_go_by_the_same_sigma(strategy: str) -> None:
     assert (single.rows[4] > 0.5) == (strategy in ("tau", "rms"))
 
 
+def test_weights_that_creep_are_said_to() -> None:
+    # two rows of each unknown: either bears an error for nearly the same sum
+    pairs = np.zeros((40, 20))
+    pairs[np.arange(40), np.arange(40) // 2] = np.tile([1.0, 1.0001], 20)
+    misclosures = np.random.default_rng(1).normal(size=40)
+    misclosures[6] += 40.0
+    found = find_gross_errors(system_of(pairs, misclosures), "huber")
+    said = "the weights did not settle in 200 iterations: the last ones count, which still change"
+    assert [remark for remark in found.remarks if remark.startswith(f"{said} by up to ")]
+    assert 6 in found.rows or 7 in found.rows
+
+
 def test_huber_weights_at_the_end_and_their_efficiency() -> None:
     system = random_system(8, errors={4: 14.0, 30: -15.0})[2]
     found = reweight(system, "huber", np.ones(40, dtype=bool))
