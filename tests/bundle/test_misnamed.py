@@ -12,6 +12,7 @@ from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.errors import misnamed
 from anaplot.bundle.errors.grosserrors import block_gross_errors
 from anaplot.bundle.errors.misnamed import MisnamedRay, misnamed_rays
+from anaplot.bundle.solve.problem import make_problem
 from anaplot.photogrammetry.block import Block
 from anaplot.planning.blockplan import BlockPlan, plan_block
 
@@ -145,3 +146,17 @@ def test_an_exchange_does_what_is_foreseen_of_it(sigmas: float, monkeypatch) -> 
     assert np.abs(seen.w) == pytest.approx(size.ravel(), rel=0.02, abs=0.01)
     if misnamed._plainly_wrong(block, rays, right):
         assert put_right is None
+
+
+def test_points_around_a_photo_are_those_of_photos_that_share_points_with_it(monkeypatch) -> None:
+    monkeypatch.setattr(misnamed, "_FEW", 0)
+    problem = make_problem(plan_block(BlockPlan(1, 8, 0.60, 0.60, stereo=False)).block)
+    rays = list(zip(problem.photo.tolist(), problem.point.tolist(), strict=True))
+    placed, fewer = misnamed._Placed(problem), 0
+    for photo in range(len(problem.photos)):
+        mine = {point for of, point in rays if of == photo}
+        beside = {of for of, point in rays if point in mine}
+        around = {point for of, point in rays if of in beside} - mine
+        assert placed.points_around(photo).tolist() == sorted(around)
+        fewer += len(around | mine) < len(problem.points)
+    assert fewer

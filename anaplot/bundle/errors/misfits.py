@@ -204,9 +204,10 @@ def _without(problem: Problem, off: FarOff) -> Problem:
     if problem.rejected is not None:
         before |= problem.rejected
     rejected = before.copy()
+    starts = np.searchsorted(problem.point, np.arange(len(problem.points) + 1))
     for point in np.unique(problem.point[off.rays]).tolist():
         free = ~problem.fixed[point]
-        rays = np.flatnonzero(problem.point == point)
+        rays = np.arange(starts[point], starts[point + 1])
         b = linear.b[rays][:, :, free]
         weight = np.diag(linear.point_weight[:, point, free].sum(axis=0))
         out = rejected[rays]

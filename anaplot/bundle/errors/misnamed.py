@@ -180,6 +180,8 @@ class _Placed:
         self._starts = np.searchsorted(
             problem.photo[self._order], np.arange(len(problem.photos) + 1)
         )
+        self._points = problem.point[self._order]
+        self._first = np.searchsorted(problem.point, np.arange(len(problem.points) + 1))
         whole: Bools = np.ones(len(problem.photo), dtype=bool)
         if problem.rejected is not None:
             whole &= ~problem.rejected.any(axis=1)
@@ -193,14 +195,14 @@ class _Placed:
     def points_around(self, photo: int) -> Index:
         """Return the points that a photo lacks, of a large block those of photos beside it."""
         if photo not in self._around:
-            problem, mine = self._problem, np.zeros(len(self._problem.points), dtype=bool)
+            mine = np.zeros(len(self._problem.points), dtype=bool)
             near = ~mine
-            mine[problem.point[self.rays(photo)]] = True
+            mine[self._points[self._starts[photo] : self._starts[photo + 1]]] = True
             if len(mine) > _FEW:
-                beside = np.zeros(len(problem.photos), dtype=bool)
-                beside[problem.photo[mine[problem.point]]] = True
+                rays = _ranges(self._first, np.flatnonzero(mine))
+                beside = np.unique(self._problem.photo[rays])
                 near[:] = False
-                near[problem.point[beside[problem.photo]]] = True
+                near[self._points[_ranges(self._starts, beside)]] = True
             self._around[photo] = np.flatnonzero(near & ~mine)
         return self._around[photo]
 
@@ -212,6 +214,14 @@ class _Placed:
         """
         out: Bools = self._enough[points] & (far > _SURE * sigma)
         return out
+
+
+def _ranges(starts: Index, which: Index) -> Index:
+    """Return all numbers from one of `starts` to before the next, for each of some."""
+    count = starts[which + 1] - starts[which]
+    ends = np.cumsum(count)
+    out: Index = np.arange(count.sum()) + np.repeat(starts[which] - ends + count, count)
+    return out
 
 
 def _far(places: Array, place: Array) -> Array:
