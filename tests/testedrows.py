@@ -1,6 +1,6 @@
 """Tested observations made of rows, where a test asks for rows that no adjustment gives."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -23,7 +23,7 @@ def made_of(
     redundancy: int,
     sigma0: float | None,
     none: float = 0.9,
-    dense: Dense | None = None,
+    dense: Callable[[], Dense] | None = None,
 ) -> Tested:
     """The rows as they are."""
     rows = list(rows)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from math import inf, sqrt
 
 import numpy as np
@@ -49,7 +50,7 @@ class RankDefectError(NotComputableError):
         )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Adjustment:
     """The outcome of a parametric adjustment of n rows and u unknowns.
 
@@ -57,51 +58,102 @@ class Adjustment:
     ----------
     unknowns
         Names, in the order of x and q_xx.
-    x
-        (u,) estimated unknowns (corrections, when the problem was linearised).
-    w
-        (n,) closing misclosures B x + u, in the rows' unit.
+    rows
+        (u + 1, n) derivatives by the unknowns and misclosures, divided by the roots of the
+        cofactors.
     q_l
         (n,) a-priori cofactors of the rows.
     root
-        (n,) roots of the cofactors of the rows.
+        (n,) their roots.
+    triangle
+        (n or u + 1, u + 1) triangular factor of the rows: on and above its diagonal.
     basis
         (n, u) orthonormal columns that span those of the weighted design.
-    back
-        (u, u) what a step along each of them is in unknowns: misclosures u move these by
-        - back basis' (u / root).
-    q_xx
-        (u, u) cofactors of the unknowns.
-    q_vv
-        (n, n) cofactors of the residuals, Q - B N^-1 B' (eq. 6).
+    hat
+        (n, n) projector on them, basis basis'.
+    closing
+        (n,) closing misclosures, divided by the roots of the cofactors.
     r
         (n,) redundancy numbers, the diagonal of Q_vv P.
     vtpv
         Weighted sum of squares.
     redundancy
         n - u.
-    condition
-        Condition number of the weighted design, columns scaled to unit length.
+    at_most
+        What the condition number does not exceed.
     """
 
     unknowns: tuple[str, ...]
-    x: Array
-    w: Array
+    rows: Array = field(repr=False)
     q_l: Array
     root: Array = field(repr=False)
+    triangle: Array = field(repr=False)
     basis: Array = field(repr=False)
-    back: Array = field(repr=False)
-    q_xx: Array
-    q_vv: Array = field(repr=False)
+    hat: Array = field(repr=False)
+    closing: Array = field(repr=False)
     r: Array
     vtpv: float
     redundancy: int
-    condition: float
+    at_most: float
 
     @property
     def sigma0(self) -> float | None:
         """Estimated standard deviation of unit weight; None without redundancy."""
         return sqrt(self.vtpv / self.redundancy) if self.redundancy > 0 else None
+
+    @property
+    def w(self) -> Array:
+        """(n,) closing misclosures B x + u, in the rows' unit."""
+        return self.closing * self.root
+
+    @cached_property
+    def x(self) -> Array:
+        """(u,) estimated unknowns (corrections, when the problem was linearised)."""
+        u = len(self.unknowns)
+        return np.asarray(-self.back.dot(self.triangle[:u, u]))
+
+    @cached_property
+    def back(self) -> Array:
+        """(u, u) what a step along each column of `basis` is in unknowns.
+
+        Misclosures u move these by - back basis' (u / root).
+        """
+        from scipy.linalg.lapack import dtrtri
+
+        u = len(self.unknowns)
+        return np.asarray(dtrtri(np.triu(self.triangle[:u, :u]))[0])
+
+    @cached_property
+    def q_xx(self) -> Array:
+        """(u, u) cofactors of the unknowns."""
+        return np.asarray(self.back.dot(self.back.T))
+
+    @cached_property
+    def projector(self) -> Array:
+        """(n, n) what is left of weighted misclosures, 1 - `hat`."""
+        out: Array = -self.hat
+        diagonal = np.einsum("ii->i", out)
+        diagonal += 1.0
+        return out
+
+    @property
+    def q_vv(self) -> Array:
+        """(n, n) cofactors of the residuals, Q - B N^-1 B' (eq. 6)."""
+        return self.projector * (self.root[:, None] * self.root)
+
+    @property
+    def influence(self) -> Array:
+        """(n, n) Q_vv P."""
+        return self.projector * (self.root[:, None] / self.root)
+
+    @cached_property
+    def condition(self) -> float:
+        """Condition number of the weighted design, columns scaled to unit length."""
+        return _condition(_singular_values(self.rows[:-1]))
+
+    def worse_than(self, limit: float) -> bool:
+        """Whether the condition number is above a limit."""
+        return self.at_most > limit and self.condition > limit
 
 
 def adjust(
@@ -136,9 +188,11 @@ def adjust(
 
     Notes
     -----
-    Solved through the singular values of the weighted, column-scaled design: they give the
-    condition number, the undetermined unknowns and Q_vv in one step, and the projection stays
-    idempotent to rounding whatever the condition.
+    Solved by orthogonal triangularisation of the weighted rows, design and misclosures side by
+    side: it gives v'Pv and the closing misclosures beside the projection, which stays idempotent
+    to rounding whatever the condition. Columns of unit length have a condition number below 2 over
+    the determinant of their triangular factor (Guggenheimer, Edelman and Johnson 1995); singular
+    values are computed only where that leaves doubt.
     """
     n, u = design.shape
     if misclosure.shape != (n,) or cofactors.shape != (n,) or len(unknowns) != u:
@@ -146,19 +200,14 @@ def adjust(
     if n and not float(cofactors.min()) > 0.0:
         raise ValueError("cofactors must be positive")
     root = np.sqrt(cofactors)
+    rows = np.vstack((design.T, misclosure)) / root
     return adjust_weighted(
-        design.T / root,
-        misclosure / root,
-        cofactors,
-        root,
-        unknowns=unknowns,
-        condition_limit=condition_limit,
+        rows, cofactors, root, unknowns=unknowns, condition_limit=condition_limit
     )
 
 
 def adjust_weighted(
-    design: Array,
-    misclosure: Array,
+    rows: Array,
     cofactors: Array,
     root: Array,
     *,
@@ -169,60 +218,83 @@ def adjust_weighted(
 
     Parameters
     ----------
-    design
-        (u, n) transposed design, a column a row.
-    misclosure
-        (n,) values of the conditions.
+    rows
+        (u + 1, n) transposed design and the values of the conditions.
     cofactors, root
         (n,) of the rows as they were before, and their roots.
     unknowns, condition_limit
         As in `adjust`.
     """
-    u, n = design.shape
-    length = np.sqrt(np.einsum("ij,ij->i", design, design))
-    sizes = length.tolist()
-    if not abs(sum(sizes) + float(misclosure.sum())) < inf:
-        raise ValueError("design and misclosures must be finite")
-    if 0.0 in sizes:
-        names = tuple(name for name, size in zip(unknowns, sizes, strict=True) if size == 0.0)
-        raise RankDefectError(names, inf)
-    scaled = (design / length[:, None]).T
-    # straight to LAPACK: the wrapper costs as much as the decomposition of a model's size
+    # straight to LAPACK: the wrappers cost more than the decomposition of a model's size
     # loaded with the first adjustment: scipy.linalg costs more than the rest of a start
-    from scipy.linalg.lapack import dgesdd
+    from scipy.linalg.lapack import dgeqrf, dorgqr
 
-    basis, singular, right, info = dgesdd(scaled, full_matrices=0)
-    values = singular.tolist()
-    smallest = values[-1] if n >= u and info == 0 else 0.0
-    condition = values[0] / smallest if smallest > 0.0 else inf
-    if not condition < condition_limit:
-        if n < u or info:
-            _, singular, right = np.linalg.svd(scaled)
-        firm = int(np.count_nonzero(singular * condition_limit > singular[:1]))
-        raise RankDefectError(_participants(right[min(firm, u - 1) :], unknowns), condition)
+    u, n = len(rows) - 1, rows.shape[1]
     # `dot` rather than @, whose way to BLAS is twice as long: rows of a model are few
-    projected = misclosure.dot(basis)
-    back = right.T / singular
-    back /= length[:, None]
-    closing = misclosure - basis.dot(projected)
-    projector = -basis.dot(basis.T)
-    diagonal = np.einsum("ii->i", projector)
-    diagonal += 1.0
+    squares: list[float] = rows.dot(rows.T).diagonal().tolist()
+    if not sum(squares) < inf:
+        raise ValueError("design and misclosures must be finite")
+    *squares, _ = squares
+    if 0.0 in squares:
+        names = tuple(name for name, size in zip(unknowns, squares, strict=True) if size == 0.0)
+        raise RankDefectError(names, inf)
+    if n < u:
+        raise _rank_defect(rows[:-1], unknowns, condition_limit, inf)
+    # of n = u rows none is left to check: the triangle has no last row, and nothing is to close
+    triangle, factors, _, _ = dgeqrf(rows.T)
+    q, _, _ = dorgqr(triangle[:, : len(factors)], factors)
+    diagonal: list[float] = triangle.diagonal().tolist()
+    determinant = 1.0
+    for square, size in zip(squares, diagonal, strict=False):
+        determinant *= size * size / square
+    at_most = 2.0 / sqrt(determinant) if determinant > 0.0 else inf
+    if not at_most < condition_limit:
+        condition = _condition(_singular_values(rows[:-1]))
+        if not condition < condition_limit:
+            raise _rank_defect(rows[:-1], unknowns, condition_limit, condition)
+    basis = q[:, :u]
+    hat = basis.dot(basis.T)
     return Adjustment(
         unknowns=tuple(unknowns),
-        x=-back.dot(projected),
-        w=closing * root,
+        rows=rows,
         q_l=cofactors,
         root=root,
+        triangle=triangle,
         basis=basis,
-        back=back,
-        q_xx=back.dot(back.T),
-        q_vv=projector * (root[:, None] * root),
-        r=np.maximum(diagonal, 0.0),
-        vtpv=float(closing.dot(closing)),
+        hat=hat,
+        closing=q[:, u] * diagonal[u] if n > u else np.zeros(n),
+        r=np.maximum(1.0 - hat.diagonal(), 0.0),
+        vtpv=diagonal[u] ** 2 if n > u else 0.0,
         redundancy=n - u,
-        condition=condition,
+        at_most=at_most,
     )
+
+
+def _scaled(design: Array) -> Array:
+    """(n, u) design of (u, n) transposed rows, columns of unit length."""
+    length = np.sqrt(np.einsum("ij,ij->i", design, design))
+    return np.asarray((design / length[:, None]).T)
+
+
+def _singular_values(design: Array) -> list[float]:
+    """Singular values of (u, n) transposed rows, columns scaled; none where they do not come."""
+    from scipy.linalg.lapack import dgesdd
+
+    _, singular, _, info = dgesdd(_scaled(design), full_matrices=0)
+    return [] if info else singular.tolist()
+
+
+def _condition(singular: list[float]) -> float:
+    return singular[0] / singular[-1] if singular and singular[-1] > 0.0 else inf
+
+
+def _rank_defect(
+    design: Array, unknowns: Sequence[str], limit: float, condition: float
+) -> RankDefectError:
+    """Return the error of (u, n) transposed rows that do not determine every unknown."""
+    _, singular, right = np.linalg.svd(_scaled(design))
+    firm = int(np.count_nonzero(singular * limit > singular[:1]))
+    return RankDefectError(_participants(right[min(firm, len(design) - 1) :], unknowns), condition)
 
 
 def _participants(vectors: Array, unknowns: Sequence[str]) -> tuple[str, ...]:

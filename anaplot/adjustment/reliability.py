@@ -39,9 +39,10 @@ NONE_PRIOR = 0.9
 
 def residual_correlations(q_vv: Array, r: Array) -> Array:
     """Return (n, n) rho_ij = q_ij / sqrt(q_ii q_jj); NaN in rows that cannot be tested."""
-    diagonal = np.einsum("ii->i", q_vv)
+    diagonal = q_vv.diagonal()
     root = np.sqrt(np.where((r >= TESTABLE) & (diagonal > 0.0), diagonal, np.nan))
-    out: Array = np.clip(q_vv / root[:, None] / root, -1.0, 1.0)
+    # `clip` costs as much as all the rest where rows are few
+    out: Array = np.maximum(np.minimum(q_vv / root[:, None] / root, 1.0), -1.0)
     return out
 
 
@@ -59,11 +60,8 @@ def error_transfers(influence: Array) -> list[tuple[int, int, float]]:
     critical, but still serious enough to be misleading" (dotted arrows).
     Rows that cannot be tested are sources of nothing that could be compared and are left out.
     """
-    own = np.einsum("ii->i", influence)
-    shows = (np.abs(influence) >= np.minimum(SERIOUS * own, own - _EQUAL)) & (own >= TESTABLE)
-    np.einsum("ii->i", shows)[:] = False
-    targets, sources = np.nonzero(shows)
-    found = [
-        (int(i), int(j), float(influence[j, i])) for j, i in zip(targets, sources, strict=True)
-    ]
-    return sorted(found)
+    own = influence.diagonal()
+    least = np.where(own >= TESTABLE, np.minimum(SERIOUS * own, own - _EQUAL), np.inf)
+    targets, sources = np.nonzero(np.abs(influence) >= least)
+    pairs = zip(sources.tolist(), targets.tolist(), strict=True)
+    return sorted((i, j, float(influence[j, i])) for i, j in pairs if i != j)

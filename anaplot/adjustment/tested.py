@@ -7,10 +7,11 @@ is asked whether the test takes the a-priori sigma0 (Baarda 1968) or the estimat
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from math import exp, inf, isfinite, log, sqrt
+from itertools import repeat
+from math import exp, inf, isfinite, isnan, log, sqrt
 from typing import Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
@@ -279,11 +280,11 @@ class Tested(Generic[K]):
         (n,) which rows are flagged, and which count.
     evidence
         (n,) g of `error_odds`: variance of the residual by an error of the width of its prior,
-        over that without an error.
+        over that without an error; NaN where a row cannot be tested.
     ground
         (n, 3) as `Observation` has it; None where no observation has any.
     dense
-        Q_vv and Q_vv P; None where they are not kept.
+        Computes Q_vv and Q_vv P, which few ask for; None where they are not kept.
     """
 
     __test__ = False  # not a test class, whatever a test runner may think of its name
@@ -304,7 +305,7 @@ class Tested(Generic[K]):
     use: Bools
     evidence: Array
     ground: Array | None = field(default=None, repr=False)
-    dense: Dense | None = field(default=None, repr=False)
+    dense: Callable[[], Dense] | None = field(default=None, repr=False)
 
     def __len__(self) -> int:
         return len(self.residual)
@@ -314,25 +315,23 @@ class Tested(Generic[K]):
 
     def rows(self, at: Index | None = None) -> list[Observation[K]]:
         """Return the observations of some rows; None: of all."""
-        keys, units, which = self.keys, self.units, ... if at is None else at
+        keys, units, ground = self.keys, self.units, self.ground
+        numbers = [self.use, self.residual, self.r, self.flagged, self.odds.rows]
+        unsure = [self.expected, self.w, self.mdb, self.effect]
         if at is not None:
             index = at.tolist()
             keys, units = [keys[k] for k in index], [units[k] for k in index]
+            numbers, unsure = [one[at] for one in numbers], [one[at] for one in unsure]
+            ground = None if ground is None else ground[at]
+        use, residual, r, flagged, odds = [one.tolist() for one in numbers]
         columns = (
-            keys,
-            units,
-            self.use[which].tolist(),
-            self.residual[which].tolist(),
-            self.r[which].tolist(),
-            _numbers(self.expected[which]),
-            _numbers(self.w[which]),
-            _numbers(self.mdb[which]),
-            _numbers(self.effect[which]),
-            self.flagged[which].tolist(),
-            self.odds.rows[which].tolist(),
-            [None] * len(keys) if self.ground is None else _triples(self.ground[which]),
+            *(keys, units, use, residual, r),
+            *map(_numbers, unsure),
+            *(flagged, odds, [None] * len(keys) if ground is None else _triples(ground)),
         )
-        return list(map(Observation._make, zip(*columns, strict=True)))
+        # what `_make` does but for counting every row: they are as long as there are columns
+        rows = zip(*columns, strict=True)
+        return list(map(tuple.__new__, repeat(Observation), rows))
 
     @cached_property
     def odds(self) -> Odds:
@@ -357,17 +356,18 @@ class Tested(Generic[K]):
     @property
     def q_vv(self) -> Array:
         """(n, n) cofactors of the residuals; ValueError where they are not kept."""
-        return self._kept().q_vv
+        return self._kept.q_vv
 
     @property
     def influence(self) -> Array:
         """(n, n) Q_vv P, column i what a unit error in row i does to every residual; likewise."""
-        return self._kept().influence
+        return self._kept.influence
 
+    @cached_property
     def _kept(self) -> Dense:
         if self.dense is None:
             raise ValueError("the cofactors of all residuals are not kept")
-        return self.dense
+        return self.dense()
 
     def correlations(self) -> Array:
         """Return (n, n) correlations of the residuals; NaN in rows that cannot be tested."""
@@ -376,7 +376,8 @@ class Tested(Generic[K]):
     def partners(self) -> tuple[Partner[K], ...]:
         """Return the pairs of rows that are hard to tell apart."""
         rho, keys = self.correlations(), self.keys
-        pairs = np.argwhere(np.abs(rho) >= HARD_TO_TELL).tolist()
+        first, second = np.nonzero(np.abs(rho) >= HARD_TO_TELL)
+        pairs = zip(first.tolist(), second.tolist(), strict=True)
         return tuple(Partner(keys[i], keys[j], float(rho[i, j])) for i, j in pairs if i < j)
 
     def transfers(self) -> tuple[Transfer[K], ...]:
@@ -437,7 +438,7 @@ def examine(
     firm: Bools | None = None,
     moved_ground: Array | None = None,
     rounding: float = 0.0,
-    dense: Dense | None = None,
+    dense: Callable[[], Dense] | None = None,
 ) -> Tested[K]:
     """Test the rows of an adjustment.
 
@@ -487,17 +488,18 @@ def examine(
     testable = r >= TESTABLE
     if firm is not None:
         testable |= firm & (r > 0.0)
-    divisor = np.where(testable, r, np.nan)
-    mdb = applied.delta0 * deviation / divisor
+    # deviation of the residual that an error shows of itself: it shows with r of its size
+    of_error = deviation / np.where(testable, r, np.nan)
+    mdb = applied.delta0 * of_error
     moved = np.sqrt(np.maximum(1.0 - r, 0.0)) if moved is None else moved
-    w = np.full(len(r), np.nan)
-    expected = w if factor is None else factor * deviation
-    # a residual that is exactly zero with sigma estimated as zero: nothing deviates from anything
-    np.divide(residual, expected, out=w, where=testable & (expected > 0.0))
-    limit = np.inf if applied.critical is None else applied.critical
-    size = np.abs(w)
-    shown = np.divide(r * sigma, deviation, out=np.zeros(len(r)), where=testable & (deviation > 0))
     effect = mdb / sigma * moved
+    shown = ERROR_PRIOR_SIGMAS * sigma / of_error
+    expected = np.full(len(r), np.nan) if factor is None else factor * deviation
+    # a residual that is exactly zero with sigma estimated as zero: nothing deviates from anything
+    w = residual / np.where(testable & bool(factor), expected, np.nan)
+    flagged = np.abs(w) > (np.inf if applied.critical is None else applied.critical)
+    if rounding:
+        flagged &= np.abs(residual) > rounding
     return Tested(
         keys=keys,
         units=units,
@@ -511,9 +513,9 @@ def examine(
         w=w,
         mdb=mdb,
         effect=effect if firm is None else np.where(firm, np.nan, effect),
-        flagged=(size > limit) & (np.abs(residual) > rounding),
+        flagged=flagged,
         use=np.ones(len(r), dtype=np.bool_) if use is None else use,
-        evidence=ERROR_PRIOR_SIGMAS**2 * shown**2,
+        evidence=shown * shown,
         ground=None if moved_ground is None else moved_ground * mdb[:, None],
         dense=dense,
     )
@@ -565,12 +567,13 @@ def error_odds(g: Array, size: Array, redundancy: int, kind: TestKind) -> Odds:
     n = len(g)
     if redundancy < 1 or not n:
         return Odds(np.full(n, (1.0 - NONE_PRIOR) / max(n, 1)), NONE_PRIOR)
-    testable = np.isfinite(size)
-    if not testable.all():
-        g, size = np.where(testable, g, 0.0), np.where(testable, size, 0.0)
     logs = log_bayes_factor(g, size * size, redundancy, kind)
+    largest = float(np.maximum.reduce(logs))
+    if isnan(largest):
+        logs = np.where(np.isfinite(size), logs, 0.0)
+        largest = float(np.maximum.reduce(logs))
     prior, none = log((1.0 - NONE_PRIOR) / n), log(NONE_PRIOR)
-    most = max(float(logs.max()) + prior, none)
+    most = max(largest + prior, none)
     terms, rest = np.exp(logs + (prior - most)), exp(none - most)
     total = float(terms.sum()) + rest
     return Odds(terms / total, rest / total)

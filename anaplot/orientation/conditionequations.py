@@ -24,7 +24,6 @@ __all__ = ["Q_Y", "ConditionEquations", "ModelUnknowns", "tie_cofactor"]
 Q_Y = 2.0
 """A-priori cofactor of a y row: q_yy = 2 q_xx, the experience of the NRC."""
 _ROOT_Y = sqrt(0.5)
-_ORIGIN = np.zeros(3)
 
 
 _Ratio = TypeVar("_Ratio", float, Array)
@@ -65,12 +64,19 @@ class ConditionEquations:
     ----------
     y_index, x_index
         Rows in use, as positions in pair.points.
+    point
+        (n + m,) position of the point of every row.
     p1, p2
-        (3, n) left and right rays in the image systems.
+        (3, points) left and right rays in the image systems.
     x1
-        (3, n) left rays in the strip system.
-    tie_points, tie_p2
-        (3, m) ties' model coordinates from the left projection centre, and their right rays.
+        (3, points) left rays in the strip system.
+    tie_points
+        (3, m) ties' model coordinates from the left projection centre.
+    left, right
+        (6, n + m), (3, n + m) the vectors in which the conditions are bilinear: of y rows the left
+        ray, as `plane` scales it, of x rows (X, Z, 1) of the tie in the last three; right rays.
+    plane
+        (n,) factors of the left rays, which put the conditions of y rows into weighted image units.
     """
 
     def __init__(self, pair: Stereopair, tie_variance: TieVariance = "paper") -> None:
@@ -80,24 +86,26 @@ class ConditionEquations:
         self.first = pair.ties is None
         self.p1, self.p2 = _rays(pair.xl, pair.c_left), _rays(pair.xr, pair.c_right)
         self.x1 = pair.fixed.rotation.dot(self.p1)
-        self.y_index = [k for k, point in enumerate(points) if not off or (point, "y") not in off]
+        self.y_index = list(range(len(points)))
+        if off:
+            self.y_index = [k for k in self.y_index if (points[k], "y") not in off]
         self.x_index = [
             k for k, point in enumerate(points) if point in ties and (point, "x") not in off
         ]
         self._n, self._m = n, m = len(self.y_index), len(self.x_index)
-        x1, p2 = self.x1, self.p2
-        if n < len(points):
-            x1, p2 = x1[:, self.y_index], p2[:, self.y_index]
-        self._products = np.zeros((18, n + m))
-        self._products[:9, :n] = products(x1 * (-_ROOT_Y / x1[2]), p2)
-        self.tie_points = self.tie_p2 = np.ones((3, 0))
+        self.point = np.array(self.y_index + self.x_index, dtype=np.intp)
+        self.right = self.p2.take(self.point, axis=1)
+        x1 = self.x1 if n == len(points) else self.x1.take(self.point[:n], axis=1)
+        self.plane = -_ROOT_Y / x1[2]
+        self.left = np.zeros((6, n + m))
+        np.multiply(x1, self.plane, out=self.left[:3, :n])
+        self.tie_points = np.ones((3, 0))
         if m:
-            self.tie_p2 = self.p2.take(self.x_index, axis=1)
             tied = np.array([ties[points[k]] for k in self.x_index])
             self.tie_points = (tied - pair.fixed.centre).T
-            horizontal = np.ones((3, m))
-            horizontal[:2] = self.tie_points[::2]
-            self._products[9:, n:] = products(horizontal, self.tie_p2)
+            self.left[3:5, n:] = self.tie_points[::2]
+            self.left[5, n:] = 1.0
+        self._products = products(self.left, self.right)
 
     @property
     def row_count(self) -> int:
@@ -121,34 +129,38 @@ class ConditionEquations:
 
     def evaluate(self, state: ModelUnknowns, *, ties: bool = True) -> Array:
         """Return (7, n + m) weighted derivatives and misclosures in image units [mm]."""
-        bx, beta_y, beta_z, rotation = state
         n = self._n
-        factors = coefficients(bx, beta_y, beta_z, rotation)
         if not (ties and self._m):
-            plane: Array = factors[:, :9].dot(self._products[:9, :n])
+            plane: Array = coefficients(*state)[:, :9].dot(self._products[:9, :n])
             return plane
-        rows: Array = factors.dot(self._products)
-        depth = self.tie_points[2] - bx * beta_z
-        depth *= -sqrt(self._tie_cofactor(bx))
-        rows[:, n:] /= depth
+        rows: Array = coefficients(*state, self.tie_weight(state.bx)).dot(self._products)
+        rows[:, n:] /= self.tie_depths(state)
         return rows
+
+    def tie_weight(self, bx: float) -> float:
+        """Return the root of the weight of every x row."""
+        return 1.0 / sqrt(self._tie_cofactor(bx))
+
+    def tie_depths(self, state: ModelUnknowns) -> Array:
+        """Return (m,) -dZ of the ties from the right projection centre."""
+        depths: Array = state.bx * state.beta_z - self.tie_points[2]
+        return depths
 
     def meet(self, state: ModelUnknowns) -> Intersection:
         """Return where the rays of every point meet, as seen from the left projection centre."""
         bx, beta_y, beta_z, rotation = state
-        return intersect(_ORIGIN, (bx, bx * beta_y, bx * beta_z), self.x1, rotation.dot(self.p2))
+        return intersect((bx, bx * beta_y, bx * beta_z), self.x1, rotation.dot(self.p2))
 
     def bx_of_ties(self, beta_z: float, rotation: Array) -> float | None:
         """Return the median bx that the ties ask for, one collinearity equation each."""
-        if not self._m:
-            return None
-        x2 = rotation.dot(self.tie_p2)
-        tie = self.tie_points
-        lever = x2[2] - beta_z * x2[0]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            asked = (tie[0] * x2[2] - tie[2] * x2[0]) / lever
-        usable = [bx for bx in asked.tolist() if abs(bx) < inf]
-        return median(usable) if usable else None
+        asked = []
+        rays = rotation.dot(self.right[:, self._n :]).tolist()
+        for X, Z, x, z in zip(*self.tie_points[::2].tolist(), *rays[::2], strict=True):
+            lever = z - beta_z * x
+            bx = (X * z - Z * x) / lever if lever else inf
+            if abs(bx) < inf:
+                asked.append(bx)
+        return median(asked) if asked else None
 
 
 def _rays(xy: Array, c: float) -> Array:

@@ -15,11 +15,10 @@ from anaplot.errors import NotComputableError
 from anaplot.orientation.conditionequations import ConditionEquations, ModelUnknowns
 from anaplot.orientation.interchange import Interchange, interchanged
 from anaplot.orientation.pair import Stereopair
-from anaplot.orientation.results import ModelPoint, ModelSolution, Row
+from anaplot.orientation.results import ModelSolution, Row
 from anaplot.orientation.solver import (
     IN_FRONT,
     ConvergedOrientation,
-    FoundOrientation,
     find_orientation,
     iterate,
     vertical_start,
@@ -107,26 +106,22 @@ def orient(pair: Stereopair, precision: Precision, test: TestSettings) -> ModelS
         raise _hopeless(pair, precision, (), _turned_error(pair))
     solution = found.solution
     state = solution.state
-    points, behind = _model_points(pair, found)
     unknowns = UNKNOWNS[1:] if conditions.first else UNKNOWNS
     omega, phi, kappa = rotation_angles(state.rotation)
     q_l = conditions.cofactors(state.bx)
     try:
         adjusted = adjust_weighted(
-            _design(conditions, solution, omega, phi),
-            solution.rows[6],
-            q_l,
-            np.sqrt(q_l),
-            unknowns=unknowns,
+            _by_unknowns(conditions, solution, omega, phi), q_l, np.sqrt(q_l), unknowns=unknowns
         )
     except RankDefectError as error:
         if suspects:
             raise _hopeless(pair, precision, suspects) from error
         raise _undetermined_error(pair, error) from error
+    behind = tuple(p for p, front in zip(pair.points, found.front, strict=True) if not front)
     if found.in_front < IN_FRONT:
         behind_error = NotComputableError(
-            f"model {pair.name}: {len(behind)} of {len(points)} points would lie behind a photo; "
-            "are the photos interchanged, or is one mirrored?"
+            f"model {pair.name}: {len(behind)} of {len(pair.points)} points would lie behind a "
+            "photo; are the photos interchanged, or is one mirrored?"
         )
         raise _hopeless(pair, precision, (), behind_error)
     exact = None
@@ -141,16 +136,21 @@ def orient(pair: Stereopair, precision: Precision, test: TestSettings) -> ModelS
         rotation=(omega, phi, kappa),
         iterations=solution.iterations,
         tested=tested,
-        points=points,
+        names=pair.points,
+        coordinates=found.meet.points + pair.fixed.centre[:, None],
         ties=tuple(pair.points[k] for k in conditions.x_index),
-        condition=adjusted.condition,
         apriori_um=precision.image_um,
         tie_variance=precision.tie_variance,
         outliers=suspects,
         remarks=_remarks(adjusted, behind),
         q_l=q_l,
-        q_gg=adjusted.q_xx if exact is None else exact.unknowns,
         unknowns=unknowns,
+        of_design=partial(getattr, adjusted, "condition"),
+        of_unknowns=(
+            partial(getattr, adjusted, "q_xx")
+            if exact is None
+            else partial(getattr, exact, "unknowns")
+        ),
         of_points=(
             partial(point_cofactors, pair, conditions, state)
             if exact is None
@@ -285,17 +285,18 @@ def _not_found_error(
     start = vertical_start(pair, conditions, bx)
     unknowns = UNKNOWNS[1:] if conditions.first else UNKNOWNS
     with np.errstate(all="ignore"):
-        rows = conditions.evaluate(start)
-        design = _design(conditions, ConvergedOrientation(start, rows, 0), 0.0, 0.0)
-    if np.isfinite(rows).all():
+        solution = ConvergedOrientation(start, conditions.evaluate(start), 0)
+        rows = _by_unknowns(conditions, solution, 0.0, 0.0)
+    if np.isfinite(solution.rows).all():
         q_l = conditions.cofactors(start.bx)
         try:
-            adjust_weighted(design, rows[6], q_l, np.sqrt(q_l), unknowns=unknowns)
+            adjust_weighted(rows, q_l, np.sqrt(q_l), unknowns=unknowns)
         except RankDefectError as error:
             return _undetermined_error(pair, error)
     reason = "the solution does not converge"
     if not conditions.first and len(conditions.y_index) >= 5:
-        plane = iterate(conditions, start, ties=False)
+        with np.errstate(all="ignore"):
+            plane = iterate(conditions, start, ties=False)
         if plane is not None:
             reason = (
                 "the ties do not determine the base, their coordinates from the preceding model "
@@ -306,14 +307,14 @@ def _not_found_error(
     )
 
 
-def _design(
+def _by_unknowns(
     conditions: ConditionEquations, solution: ConvergedOrientation, omega: float, phi: float
 ) -> Array:
-    """(u, n) weighted derivatives with respect to UNKNOWNS, not d ln bx and turns."""
-    out = solution.rows[:6].copy()
+    """(u + 1, n) weighted rows, derivatives with respect to UNKNOWNS, not d ln bx and turns."""
+    out = solution.rows.copy()
     out[0] /= solution.state.bx
-    out[3:] = rotation_axes(omega, phi).T[::-1].dot(out[3:])
-    return out[conditions.unknown_rows()]
+    out[3:6] = rotation_axes(omega, phi).T[::-1].dot(out[3:6])
+    return out[1:] if conditions.first else out
 
 
 def _tested(
@@ -326,34 +327,29 @@ def _tested(
 ) -> Tested[Row]:
     keys = _keys(pair, conditions)
     apriori = precision.image_um
-    vtpv, q_vv, deviation, moved = adjusted.vtpv, adjusted.q_vv, None, None
+    sigma = apriori * adjusted.root
+    vtpv, deviation, moved = adjusted.vtpv, None, None
     if exact is not None:
-        vtpv, q_vv, moved = exact.vtpv, exact.residuals, exact.effects
-        deviation = apriori * np.sqrt(q_vv.diagonal())
+        vtpv, moved = exact.vtpv, exact.effects
+        deviation = sigma * np.sqrt(exact.left.diagonal())
     return examine(
         keys,
         ["um"] * len(keys),
         adjusted.w * 1e3,
         adjusted.r,
-        apriori * adjusted.root,
+        sigma,
         vtpv=vtpv / (apriori * 1e-3) ** 2,
         redundancy=adjusted.redundancy,
         test=test,
         deviation=deviation,
         moved=moved,
         rounding=_DUST_UM,
-        dense=Dense(q_vv, adjusted.q_vv / adjusted.q_l),
+        dense=partial(_dense, adjusted, exact),
     )
 
 
-def _model_points(
-    pair: Stereopair, found: FoundOrientation
-) -> tuple[tuple[ModelPoint, ...], tuple[str, ...]]:
-    """Model coordinates, and the names of points that lie behind a photo or nowhere."""
-    coordinates = found.meet.points + pair.fixed.centre[:, None]
-    points = map(ModelPoint._make, zip(pair.points, *coordinates.tolist(), strict=True))
-    behind = [p for p, front in zip(pair.points, found.front, strict=True) if not front]
-    return tuple(points), tuple(behind)
+def _dense(adjusted: Adjustment, exact: ExactStatistics | None) -> Dense:
+    return Dense(adjusted.q_vv if exact is None else exact.residuals, adjusted.influence)
 
 
 def _remarks(adjusted: Adjustment, behind: tuple[str, ...]) -> tuple[str, ...]:
@@ -362,7 +358,7 @@ def _remarks(adjusted: Adjustment, behind: tuple[str, ...]) -> tuple[str, ...]:
         out.append("no redundancy: an orientation without any check")
     elif adjusted.redundancy == 1:
         out.append("redundancy 1: an error may show, but nothing can be located")
-    if adjusted.condition > BADLY_SPREAD:
+    if adjusted.worse_than(BADLY_SPREAD):
         out.append(f"the points are badly spread (condition number {adjusted.condition:.0f})")
     if behind:
         out.append(f"not in front of both photos: {', '.join(behind)}")

@@ -199,7 +199,7 @@ class _Conditions:
         bx = at.bx[:, None]
         base = bx, bx * at.beta_y[:, None], bx * at.beta_z[:, None]
         x2 = at.rotation @ self._batch.right
-        return intersect(np.zeros((3, 1)), base, np.moveaxis(self._x1, 1, 0), np.moveaxis(x2, 1, 0))
+        return intersect(base, np.moveaxis(self._x1, 1, 0), np.moveaxis(x2, 1, 0))
 
     def _start(self) -> _Unknowns:
         """Tilts of the left photos, kappa from plane similarities, bx from the ties."""

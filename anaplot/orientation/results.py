@@ -51,12 +51,10 @@ class ModelSolution(TestedInMicrometres[Row]):
     tested
         The pseudo-observations [um]: all y, then all x, in the order of the left photo's points.
         Residuals are the parallaxes left: + r times an error of the row. Q_vv is in image units.
-    points
-        Model coordinates of every point of the model.
+    names, coordinates
+        The n points of the model, and their (3, n) model coordinates [mm].
     ties
         Names of the tie points used.
-    condition
-        Condition number of the design matrix, columns scaled to unit length.
     apriori_um
         A-priori sigma0 [um].
     tie_variance
@@ -68,12 +66,10 @@ class ModelSolution(TestedInMicrometres[Row]):
         Sentences for the operator (badly spread points, no check at all, ...).
     q_l
         (n,) a-priori cofactors of the rows.
-    q_gg
-        (u, u) cofactors of the unknowns in the order of `unknowns`.
     unknowns
         Names of the unknowns.
-    of_points
-        Computes `q_points`, which few ask for.
+    of_design, of_unknowns, of_points
+        Compute `condition`, `q_gg` and `q_points`, which few ask for.
     exact
         What `tie_variance` "exact" adds; None otherwise. Q_vv is then S, and sigma0 by v'S+v.
     off_rows
@@ -92,16 +88,17 @@ class ModelSolution(TestedInMicrometres[Row]):
     rotation: tuple[float, float, float]
     iterations: int
     tested: Tested[Row]
-    points: tuple[ModelPoint, ...]
+    names: tuple[str, ...]
+    coordinates: Array = field(repr=False)
     ties: tuple[str, ...]
-    condition: float
     apriori_um: float
     tie_variance: TieVariance
     outliers: tuple[str, ...]
     remarks: tuple[str, ...]
     q_l: Array = field(repr=False)
-    q_gg: Array = field(repr=False)
     unknowns: tuple[str, ...]
+    of_design: Callable[[], float] = field(repr=False)
+    of_unknowns: Callable[[], Array] = field(repr=False)
     of_points: Callable[[], Array] = field(repr=False)
     exact: ExactStatistics | None = field(default=None, repr=False)
     off_rows: tuple[Observation[Row], ...] = ()
@@ -112,6 +109,22 @@ class ModelSolution(TestedInMicrometres[Row]):
     def name(self) -> str:
         """'left/right'."""
         return f"{self.left}/{self.right}"
+
+    @cached_property
+    def points(self) -> tuple[ModelPoint, ...]:
+        """Model coordinates of every point of the model."""
+        rows = zip(self.names, *self.coordinates.tolist(), strict=True)
+        return tuple(map(ModelPoint._make, rows))
+
+    @cached_property
+    def condition(self) -> float:
+        """Condition number of the design matrix, columns scaled to unit length."""
+        return self.of_design()
+
+    @cached_property
+    def q_gg(self) -> Array:
+        """(u, u) cofactors of the unknowns in the order of `unknowns`."""
+        return self.of_unknowns()
 
     @cached_property
     def q_points(self) -> Array:

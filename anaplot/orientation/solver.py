@@ -72,7 +72,8 @@ class ConvergedOrientation:
         The unknowns.
     rows
         (7, n + m) derivatives (d ln bx, beta_y, beta_z, three turns) and misclosures, image
-        units [mm], each column divided by the root of its cofactor.
+        units [mm], each column divided by the root of its cofactor: those before the last
+        correction, which is too short to change them and is made again by their adjustment.
     iterations
         Number of corrections made.
     """
@@ -99,15 +100,8 @@ def iterate(
 
     Gauss-Newton corrections; one that would increase the sum of squares is damped (Levenberg and
     Marquardt) until it does not. Rank defects do not stop the iteration: they are judged
-    at its end, by the adjustment.
+    at its end, by the adjustment. The caller silences divisions by zero.
     """
-    with np.errstate(all="ignore"):
-        return _iterate(conditions, start, ties, most)
-
-
-def _iterate(
-    conditions: ConditionEquations, start: ModelUnknowns, ties: bool, most: int
-) -> ConvergedOrientation | None:
     from scipy.linalg.lapack import dposv  # loaded with the first model
 
     with_scale = ties and not conditions.first
@@ -128,6 +122,8 @@ def _iterate(
         if longest > LARGEST_TURN:
             step = [s * LARGEST_TURN / longest for s in step]
         trial = _moved(state, step if with_scale else [0.0, *step])
+        if longest < CONVERGED and not damping:
+            return ConvergedOrientation(trial, rows, count)
         trial_rows = conditions.evaluate(trial, ties=with_scale)
         trial_normal = trial_rows.dot(trial_rows.T)
         # weights and coefficients move with the unknowns, hence the room of a few steps
@@ -135,8 +131,6 @@ def _iterate(
         if better:
             state, rows, normal = trial, trial_rows, trial_normal
         if longest < CONVERGED:
-            if not damping:
-                return ConvergedOrientation(state, rows, count)
             damping = 0.0  # a damped correction is short without being the last
         elif better:
             damping = damping / 10.0 if damping > 1e-7 else 0.0
@@ -220,8 +214,8 @@ class FoundOrientation:
     @cached_property
     def front(self) -> list[bool]:
         """Which points lie in front of both photos."""
-        found: list[bool] = self.meet.in_front.tolist()
-        return found
+        front: list[bool] = self.meet.in_front.tolist()
+        return front
 
     @property
     def in_front(self) -> float:
@@ -506,6 +500,13 @@ def _finish(
     most: int = _MAX_ITERATIONS,
 ) -> FoundOrientation | None:
     """Coplanarity first (where it suffices), then the sign and size of bx, then all conditions."""
+    with np.errstate(all="ignore"):
+        return _finished(conditions, start, direct, most)
+
+
+def _finished(
+    conditions: ConditionEquations, start: ModelUnknowns, direct: bool, most: int
+) -> FoundOrientation | None:
     if conditions.first:
         solution = iterate(conditions, start, most=most)
         if solution is None:

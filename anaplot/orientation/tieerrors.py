@@ -26,6 +26,7 @@ from anaplot.errors import NotComputableError
 from anaplot.orientation.conditionequations import ConditionEquations, ModelUnknowns
 from anaplot.orientation.pair import Stereopair, TieErrors
 from anaplot.photogrammetry.block import TieVariance
+from anaplot.photogrammetry.conditions import coefficients
 
 __all__ = [
     "ExactStatistics",
@@ -38,9 +39,6 @@ __all__ = [
     "stationary_errors",
 ]
 
-_UPRIGHT = np.array(((0.0, 0.0, -1.0), (0.0, 0.0, 0.0), (1.0, 0.0, 0.0)))
-"""K of the XZ collinearity: dX z'' - dZ x'' = x'' . K d."""
-
 
 @dataclass(frozen=True, eq=False)
 class ExactStatistics:
@@ -48,30 +46,45 @@ class ExactStatistics:
 
     Attributes
     ----------
-    misclosures
-        (n, n) Sigma_F, covariance of the misclosures.
-    residuals
-        (n, n) S = R Sigma_F R', covariance of the residuals, R = Q_vv P.
+    adjusted
+        The rows, adjusted by the weights of the solution.
+    weighted
+        (n, n) covariance of the weighted misclosures, P^1/2 Sigma_F P^1/2.
+    left
+        (n, n) what it leaves in the weighted residuals, P^1/2 S P^1/2.
+    along
+        (u, u) covariance of the steps along the columns of the adjustment's basis.
     vtpv
         v'S+ v.
-    unknowns
-        (u, u) covariance of the unknowns.
     effects
         (n,) how far an error of one a-priori standard deviation of a row moves the unknowns, at
         most, in standard deviations of a function of them.
     rows
         The rows with their derivatives.
-    span
-        (n, u) columns that span those of the design, image units.
     """
 
-    misclosures: Array = field(repr=False)
-    residuals: Array = field(repr=False)
+    adjusted: Adjustment = field(repr=False)
+    weighted: Array = field(repr=False)
+    left: Array = field(repr=False)
+    along: Array = field(repr=False)
     vtpv: float
-    unknowns: Array = field(repr=False)
     effects: Array = field(repr=False)
     rows: _RowDerivatives = field(repr=False)
-    span: Array = field(repr=False)
+
+    @cached_property
+    def misclosures(self) -> Array:
+        """(n, n) Sigma_F, covariance of the misclosures, image units."""
+        return _image_units(self.weighted, self.adjusted.root)
+
+    @cached_property
+    def residuals(self) -> Array:
+        """(n, n) S = R Sigma_F R', covariance of the residuals, R = Q_vv P, image units."""
+        return _image_units(self.left, self.adjusted.root)
+
+    @cached_property
+    def unknowns(self) -> Array:
+        """(u, u) covariance of the unknowns."""
+        return np.asarray(self.adjusted.back.dot(self.along).dot(self.adjusted.back.T))
 
     @cached_property
     def weight(self) -> Array:
@@ -79,17 +92,18 @@ class ExactStatistics:
 
         A generalized inverse of S, v'W v = v'S+ v, and the cofactors of W F.
         """
-        return residual_weight(self.misclosures, self.span)
+        root = self.adjusted.root
+        return residual_weight(self.misclosures, self.adjusted.basis * root[:, None])
 
     @cached_property
     def ties(self) -> TieErrors:
         """What the model's points bring to the next model."""
-        return self.rows.carried(self.misclosures)
+        return self.rows.carried(self.weighted)
 
     @cached_property
     def points(self) -> Array:
         """(n, 3, 3) covariance of each point in the model's system."""
-        return self.rows.points(self.misclosures)
+        return self.rows.points(self.weighted)
 
 
 def exact_statistics(
@@ -116,31 +130,35 @@ def exact_statistics(
 
     Notes
     -----
-    With U the basis of the weighted design and T = U' P^1/2 Sigma_F P^1/2 U the unknowns have the
-    covariance T along U, and an error in row i moves them by row i of U. Residuals do not change
-    when misclosures change along B: of L^-1 v, Sigma_F = L L', v'S+ v is the square of what stands
-    upright on L^-1 B, the last element of its triangular factor.
+    With U the basis of the weighted design, R = 1 - U U' and Sigma the covariance of the weighted
+    misclosures, the unknowns have the covariance T = U' Sigma U along U, and an error in row i
+    moves them by row i of U. S = R Sigma R vanishes along U, where the residuals v do, so that
+    v'S+ v = v'(S + U U')^-1 v.
     """
-    from scipy.linalg.lapack import dgeqrf  # loaded with the first model
+    from scipy.linalg.lapack import dposv  # loaded with the first model
 
     rows = _RowDerivatives(pair, conditions, state)
-    sigma = rows.covariance()
-    basis, root, u = adjusted.basis, adjusted.root, adjusted.basis.shape[1]
-    influence = adjusted.q_vv / adjusted.q_l
-    weighted = basis / root[:, None]
-    along = weighted.T.dot(sigma).dot(weighted)
-    moved = _whitener(along).dot(basis.T)
-    design = basis * root[:, None]
-    triangle = dgeqrf(_whitener(sigma).dot(np.column_stack((design, adjusted.w))))[0]
+    sigma, basis, closing = rows.covariance(), adjusted.basis, adjusted.closing
+    left = adjusted.projector.dot(sigma).dot(adjusted.projector)
+    along = basis.T.dot(sigma).dot(basis)
+    _, solved, failed = dposv(left + adjusted.hat, closing)
+    _, moved, failed_too = dposv(along, basis.T)
+    if failed or failed_too:
+        raise np.linalg.LinAlgError("Matrix is not positive definite")
     return ExactStatistics(
-        misclosures=sigma,
-        residuals=influence.dot(sigma).dot(influence.T),
-        vtpv=float(triangle[u, u]) ** 2 if len(sigma) > u else 0.0,
-        unknowns=adjusted.back.dot(along).dot(adjusted.back.T),
-        effects=np.sqrt(np.einsum("ij,ij->j", moved, moved)),
+        adjusted=adjusted,
+        weighted=sigma,
+        left=left,
+        along=along,
+        vtpv=float(closing.dot(solved)),
+        effects=np.sqrt(np.add.reduce(basis.T * moved)),
         rows=rows,
-        span=design,
     )
+
+
+def _image_units(weighted: Array, root: Array) -> Array:
+    """(n, n) covariance of rows of which that of the weighted ones is known."""
+    return weighted * (root[:, None] * root)
 
 
 def _whitener(covariance: Array) -> Array:
@@ -180,7 +198,9 @@ def misclosure_covariance(
     ValueError
         The preceding model brings no covariance of its points.
     """
-    return _RowDerivatives(pair, conditions, state).covariance()
+    with np.errstate(all="ignore"):
+        weighted = _RowDerivatives(pair, conditions, state).covariance()
+    return _image_units(weighted, np.sqrt(conditions.cofactors(state.bx)))
 
 
 def stationary_errors(
@@ -295,18 +315,19 @@ def correlated_units(sigma: Array) -> Array:
 
 
 class _RowDerivatives:
-    """A model's rows and points with their derivatives by what was measured, at a state."""
+    """A model's weighted rows and its points with their derivatives, at a state.
+
+    The derivatives are those by what was measured: image coordinates and ties.
+    """
 
     def __init__(
         self, pair: Stereopair, conditions: ConditionEquations, state: ModelUnknowns
     ) -> None:
         self._pair, self._conditions, self._state = pair, conditions, state
-        y, x = conditions.y_index, conditions.x_index
-        n, m = len(y), len(x)
-        self._point = np.array([*y, *x], dtype=np.intp)
+        n, m = len(conditions.y_index), len(conditions.x_index)
+        self._point = conditions.point
         self._ties = slice(n, n + m)
-        with np.errstate(all="ignore"):
-            self._image, self._by_tie = _misclosure_derivatives(pair, conditions, state)
+        self._image, self._by_tie = _misclosure_derivatives(pair, conditions, state)
         self._known: Array | None = None  # C of the ties, (3m, 3m)
         self._shared: Array | None = None  # D of the ties, (m, 3, points, 2); None: all is zero
         if m:
@@ -320,7 +341,7 @@ class _RowDerivatives:
         at = {name: k for k, name in enumerate(known.points)}
         ties = [at[pair.points[k]] for k in self._conditions.x_index]
         index = np.array([3 * k + axis for k in ties for axis in (0, 1, 2)], dtype=np.intp)
-        self._known = known.covariance[index[:, None], index]
+        self._known = known.covariance.take(index, axis=0).take(index, axis=1)
         again = [k for k, name in enumerate(pair.points) if name in pair.once and name in at]
         if again:
             before = [at[pair.points[k]] for k in again]
@@ -357,7 +378,7 @@ class _RowDerivatives:
             )
             out[:, ties] += both
             out[ties] += both.T
-        return 0.5 * (out + out.T)
+        return out
 
     def carried(self, sigma: Array) -> TieErrors:
         """Return covariance of the points as seen from the right photo, and with its rays."""
@@ -409,12 +430,12 @@ class _RowDerivatives:
         ndarray
             (3n, u) derivatives by the unknowns.
         ndarray
-            (u, rows) G: misclosures dF move the unknowns by -G dF.
+            (u, rows) G: weighted misclosures dF move the unknowns by -G dF.
         """
         conditions, state = self._conditions, self._state
         used = conditions.unknown_rows()
         weighted = conditions.evaluate(state)[used]
-        gain = np.linalg.pinv(weighted.T) / np.sqrt(conditions.cofactors(state.bx))
+        gain = np.asarray(np.linalg.pinv(weighted.T), dtype=np.float64)
         with np.errstate(all="ignore"):
             by_all = _point_derivatives(self._pair, conditions, state, from_right=from_right)
         turned = by_all[:, :, 4:][:, :, used].reshape(3 * len(by_all), -1)
@@ -428,26 +449,19 @@ class _RowDerivatives:
 def _misclosure_derivatives(
     pair: Stereopair, conditions: ConditionEquations, state: ModelUnknowns
 ) -> tuple[Array, Array]:
-    """(rows, 4) of F / a by xl, yl, xr, yr of the row's point; (m, 3) by the tie seen from left.
+    """(rows, 4) by xl, yl, xr, yr of the row's point; (m, 3) by the tie as seen from the left.
 
-    Both conditions are bilinear: (beta x x') . x'' = x'' . S x' and, with d from the right
-    projection centre to the tie, x'' . K d.
+    Both conditions are bilinear, F = a . T p'' with the left ray or the tie for a.
     """
-    left, right = pair.fixed.rotation, state.rotation
-    beta_y, beta_z = state.beta_y, state.beta_z
-    across = np.array(((0.0, -beta_z, beta_y), (beta_z, 0.0, -1.0), (-beta_y, 1.0, 0.0)))
-    x1, p2, n = conditions.x1, conditions.p2, len(conditions.y_index)
-    if n < len(pair.points):
-        x1, p2 = x1[:, conditions.y_index], p2[:, conditions.y_index]
+    n, fixed = len(conditions.y_index), pair.fixed.rotation
+    between = coefficients(*state, conditions.tie_weight(state.bx))[6].reshape(6, 3)
+    rays, of_ties = conditions.right[:, :n], conditions.right[:, n:]
+    depths = conditions.tie_depths(state)
     by_image = np.zeros((4, conditions.row_count))
-    by_image[:2, :n] = left.T[:2].dot(across.T.dot(right)).dot(p2)
-    by_image[2:, :n] = right.T[:2].dot(across).dot(x1)
-    by_image[:, :n] /= -x1[2]
-    tie = conditions.tie_points
-    away = tie - np.array(((state.bx,), (0.0,), (state.bx * beta_z,)))
-    by_image[2:, n:] = right.T[:2].dot(_UPRIGHT).dot(away)
-    by_image[2:, n:] /= -away[2]
-    by_tie = left.T.dot(_UPRIGHT.T.dot(right)).dot(conditions.tie_p2) / -away[2]
+    by_image[:2, :n] = fixed[:, :2].T.dot(between[:3]).dot(rays) * conditions.plane
+    by_image[2:] = between[:, :2].T.dot(conditions.left)
+    by_image[2:, n:] /= depths
+    by_tie = fixed[::2].T.dot(between[3:5]).dot(of_ties) / depths
     return by_image.T, by_tie.T
 
 

@@ -23,7 +23,8 @@ ROWS = 7
 """Six derivatives and the misclosure."""
 
 # A term is (row, component of the first vector, component of x'', sign). First vectors: x' for
-# coplanarity, (X, Z, 1) for collinearity. Each group is multiplied by one function of the unknowns.
+# coplanarity, (X, Z, 1) for collinearity. Each group is multiplied by one function of the unknowns,
+# those of collinearity also by the weight of its rows.
 _Terms = tuple[tuple[int, int, int, int], ...]
 
 # F_p = (beta x x') . x'' ; with w = beta x x', a turn d of x'' changes it by d . (x'' x w)
@@ -73,32 +74,33 @@ _COLLINEARITY: dict[str, _Terms] = {
     ),
 }  # fmt: skip
 
-_FUNCTIONS = ("1", "beta_y", "beta_z", "bx", "bz")
-
 
 def _tensor() -> Array:
-    """(7 * 6 * 3, 5): row, first component (x', then X, Z, 1), component of x''; function."""
-    out = np.zeros((ROWS, 6, 3, len(_FUNCTIONS)))
-    for offset, groups in ((0, _COPLANARITY), (3, _COLLINEARITY)):
-        for name, terms in groups.items():
-            for row, first, second, sign in terms:
-                out[row, offset + first, second, _FUNCTIONS.index(name)] += sign
-    return out.reshape(-1, len(_FUNCTIONS))
+    """(7 * 6 * 3, 6): row, first component (x', then X, Z, 1), component of x''; function."""
+    groups = [(0, terms) for terms in _COPLANARITY.values()]
+    groups += [(3, terms) for terms in _COLLINEARITY.values()]
+    out = np.zeros((ROWS, 6, 3, len(groups)))
+    for function, (offset, terms) in enumerate(groups):
+        for row, first, second, sign in terms:
+            out[row, offset + first, second, function] += sign
+    return out.reshape(-1, len(groups))
 
 
 _TENSOR = _tensor()
 
 
 def products(first: Array, second: Array) -> Array:
-    """Return (..., 9, n) products of the components of two (..., 3, n) arrays.
+    """Return (..., 3k, n) products of the components of a (..., k, n) and a (..., 3, n) array.
 
     The first array's index is the slowest.
     """
     *models, _, n = second.shape
-    return (first[..., None, :] * second[..., None, :, :]).reshape(*models, 9, n)
+    return (first[..., None, :] * second[..., None, :, :]).reshape(*models, -1, n)
 
 
-def coefficients(bx: float, beta_y: float, beta_z: float, rotation: Array) -> Array:
+def coefficients(
+    bx: float, beta_y: float, beta_z: float, rotation: Array, weight: float = 1.0
+) -> Array:
     """Return the (7, 18) coefficients of the conditions at a state of the unknowns.
 
     Columns 0-8 times `products(x', p'')` give the seven rows of F_p = (beta x x') . x'', columns
@@ -111,8 +113,11 @@ def coefficients(bx: float, beta_y: float, beta_z: float, rotation: Array) -> Ar
         Base component [mm], by / bx and bz / bx.
     rotation
         (3, 3) rotation R of the right photo, image to object.
+    weight
+        Factor of the rows of F_L.
     """
-    functions = np.array((1.0, beta_y, beta_z, bx, bx * beta_z))
+    along = weight * bx
+    functions = np.array((1.0, beta_y, beta_z, weight, along, along * beta_z))
     # `dot` rather than @, whose way to BLAS is twice as long
     out: Array = _TENSOR.dot(functions).reshape(6 * ROWS, 3).dot(rotation).reshape(ROWS, 18)
     return out
@@ -120,7 +125,8 @@ def coefficients(bx: float, beta_y: float, beta_z: float, rotation: Array) -> Ar
 
 def coefficients_of_many(bx: Array, beta_y: Array, beta_z: Array, rotation: Array) -> Array:
     """Return the (m, 7, 18) `coefficients` of m models, of (m,) and (m, 3, 3) unknowns."""
-    functions = np.stack((np.ones_like(bx), beta_y, beta_z, bx, bx * beta_z))
+    one = np.ones_like(bx)
+    functions = np.stack((one, beta_y, beta_z, one, bx, bx * beta_z))
     factors = (_TENSOR @ functions).T.reshape(-1, 6 * ROWS, 3) @ rotation
     out: Array = factors.reshape(-1, ROWS, 18)
     return out

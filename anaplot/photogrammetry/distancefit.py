@@ -7,15 +7,13 @@ distance into the x axis. The origin is the fiducial centre.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from anaplot.adjustment.leastsquares import RankDefectError, adjust_combined
 from anaplot.aliases import Array
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.camera import CameraCalibration, FiducialDistance
-from anaplot.photogrammetry.innerfit import STEPS, InnerFit, no_end, rows3, rows4
+from anaplot.photogrammetry.innerfit import STEPS, FittedPlate, InnerFit, no_end, rows3, rows4
 from anaplot.photogrammetry.innerresults import DistanceRow
 from anaplot.photogrammetry.platetransformation import PlateTransformation, TransformationName
 
@@ -99,13 +97,7 @@ def fit_distances(
     numerator = np.column_stack((np.zeros(2), linear, np.zeros(2)))
     return InnerFit(
         PlateTransformation(kind, rows3(frame), rows4(numerator)),
-        replace(
-            solved.conditions,
-            w=v[:n],
-            q_l=cofactors[:n],
-            q_vv=solved.q_vv[:n, :n],
-            r=np.maximum(solved.r[:n], 0.0),
-        ),
+        FittedPlate.of(solved, cofactors, n),
         iteration,
         (
             f"only distances are known: x runs from {along_x.first} to {along_x.second}, the "

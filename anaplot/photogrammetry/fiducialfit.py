@@ -9,7 +9,6 @@ observations stay uncorrelated with unit weight.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -19,7 +18,15 @@ from anaplot.aliases import Array, Bools
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.generalform import IDENTITY, general_form
 from anaplot.photogrammetry.innercofactors import InnerCofactors
-from anaplot.photogrammetry.innerfit import STEPS, InnerFit, in_brackets, no_end, rows3, rows4
+from anaplot.photogrammetry.innerfit import (
+    STEPS,
+    FittedPlate,
+    InnerFit,
+    in_brackets,
+    no_end,
+    rows3,
+    rows4,
+)
 from anaplot.photogrammetry.platetransformation import PlateTransformation, TransformationName
 
 __all__ = ["fit_fiducials"]
@@ -145,14 +152,7 @@ def fit_coordinates(
     a[:, 1:3] += centre[:, None] * terms[8:]
     return InnerFit(
         PlateTransformation(kind, rows3(frame), rows4(a), (float(terms[8]), float(terms[9]))),
-        replace(
-            solved.conditions,
-            w=v * reach,
-            q_l=cofactors,
-            q_vv=solved.q_vv,
-            r=np.maximum(solved.r, 0.0),
-            vtpv=solved.conditions.vtpv * reach**2,
-        ),
+        FittedPlate.of(solved, cofactors, len(v), reach),
         iteration,
         (),
         exchanged=next(iter(_exchanges(names, plate, target)), None),

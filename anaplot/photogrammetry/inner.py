@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from functools import partial
+from math import sqrt
 
 import numpy as np
 
@@ -157,7 +159,7 @@ def _result(
 ) -> InnerOrientation:
     adjusted = fit.adjustment
     residual, vtpv, f = adjusted.w[keep], adjusted.vtpv, adjusted.redundancy
-    if (adjusted.sigma0 or 0.0) < _NOTHING_MM:
+    if f < 1 or sqrt(vtpv / f) < _NOTHING_MM:
         residual, vtpv = np.zeros_like(residual), 0.0
     keys: list[Fiducial] = [(name, axis) for name in names for axis in _AXES]
     q_vv = adjusted.q_vv[np.ix_(keep, keep)]
@@ -170,7 +172,7 @@ def _result(
         vtpv=vtpv / (apriori_um * 1e-3) ** 2,
         redundancy=f,
         test=test,
-        dense=Dense(q_vv, q_vv / adjusted.q_l[keep]),
+        dense=partial(Dense, q_vv, q_vv / adjusted.q_l[keep]),
     )
     from scipy.special import chdtri  # loaded with the first inner orientation
 

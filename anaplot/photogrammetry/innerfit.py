@@ -4,17 +4,61 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from anaplot.adjustment.leastsquares import Adjustment
+import numpy as np
+
+from anaplot.adjustment.leastsquares import CombinedAdjustment
 from anaplot.aliases import Array
 from anaplot.photogrammetry.innercofactors import InnerCofactors
 from anaplot.photogrammetry.innerresults import DistanceRow
 from anaplot.photogrammetry.platetransformation import PlateTransformation
 
-__all__ = ["STEPS", "InnerFit", "in_brackets", "no_end", "rows3", "rows4"]
+__all__ = ["STEPS", "FittedPlate", "InnerFit", "in_brackets", "no_end", "rows3", "rows4"]
 
 
 STEPS = 30
 """Iterations of an adjustment before it is given up."""
+
+
+class FittedPlate(NamedTuple):
+    """The adjusted plate coordinates [mm in the image], the first n of an adjustment.
+
+    Attributes
+    ----------
+    w
+        (n,) what was added to them.
+    q_l
+        (n,) their a-priori cofactors.
+    q_vv
+        (n, n) cofactors of `w`.
+    r
+        (n,) redundancy numbers.
+    vtpv
+        Weighted sum of squares of the whole adjustment.
+    redundancy
+        Of the whole adjustment.
+    """
+
+    w: Array
+    q_l: Array
+    q_vv: Array
+    r: Array
+    vtpv: float
+    redundancy: int
+
+    @classmethod
+    def of(
+        cls, solved: CombinedAdjustment, cofactors: Array, n: int, reach: float = 1.0
+    ) -> FittedPlate:
+        """Return the first n observations of an adjustment in units of `reach` mm."""
+        whole = solved.conditions
+        return cls(
+            solved.v[:n] * reach,
+            cofactors[:n],
+            solved.q_vv[:n, :n],
+            np.maximum(solved.r[:n], 0.0),
+            whole.vtpv * reach**2,
+            whole.redundancy,
+        )
 
 
 class InnerFit(NamedTuple):
@@ -25,7 +69,7 @@ class InnerFit(NamedTuple):
     transformation
         Plate to image.
     adjustment
-        The adjustment of the 2 n plate coordinates [mm in the image].
+        Of the 2 n plate coordinates.
     iterations
         Count.
     remarks
@@ -39,7 +83,7 @@ class InnerFit(NamedTuple):
     """
 
     transformation: PlateTransformation
-    adjustment: Adjustment
+    adjustment: FittedPlate
     iterations: int
     remarks: tuple[str, ...]
     distances: tuple[DistanceRow, ...] = ()

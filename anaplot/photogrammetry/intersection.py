@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-
 from anaplot.aliases import Array, Bools
 
 __all__ = ["Intersection", "intersect"]
@@ -17,7 +15,7 @@ class Intersection(NamedTuple):
     Attributes
     ----------
     points
-        (3, ..., n) coordinates.
+        (3, ..., n) coordinates, as seen from the left projection centre.
     left, right
         (..., n) factors of the left and right rays; positive in front of the photo.
     """
@@ -33,17 +31,12 @@ class Intersection(NamedTuple):
 
 
 def intersect(
-    centre: Array,
-    base: tuple[float, float, float] | tuple[Array, Array, Array],
-    x1: Array,
-    x2: Array,
+    base: tuple[float, float, float] | tuple[Array, Array, Array], x1: Array, x2: Array
 ) -> Intersection:
     """Intersect rays in the XZ plane; Y is the mean of the two rays (conventions).
 
     Parameters
     ----------
-    centre
-        (3,) left projection centre; (3, 1) of several models.
     base
         Right projection centre minus the left one; (m, 1) each of m models.
     x1, x2
@@ -52,16 +45,15 @@ def intersect(
     Returns
     -------
     Intersection
-        Parallel rays give infinite or NaN coordinates; nothing is raised.
+        Parallel rays give infinite or NaN coordinates; the caller silences the division by zero.
     """
     bx, by, bz = base
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        determinant = x2[0] * x1[2] - x1[0] * x2[2]
-        left = (bz * x2[0] - bx * x2[2]) / determinant
-        right = (bz * x1[0] - bx * x1[2]) / determinant
-        points = left * x1
-        y = points[1]
-        y += by + right * x2[1]
-        y *= 0.5
-        points += centre[:, None]
+    left_x, left_z, right_x, right_z = x1[0], x1[2], x2[0], x2[2]
+    determinant = right_x * left_z - left_x * right_z
+    left = (bz * right_x - bx * right_z) / determinant
+    right = (bz * left_x - bx * left_z) / determinant
+    points = left * x1
+    y = points[1]
+    y += by + right * x2[1]
+    y *= 0.5
     return Intersection(points, left, right)

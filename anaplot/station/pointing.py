@@ -266,7 +266,7 @@ def _adjusted(
     keep = tested.r > TESTABLE
     if tested.dense is None or tested.redundancy < 1 or not keep.any():
         return []
-    q = tested.dense.q_vv[np.ix_(keep, keep)]
+    q = tested.q_vv[np.ix_(keep, keep)]
     size = np.sqrt(np.diag(q))
     correlation = q / size[:, None] / size
     w, r = (tested.residual / np.where(keep, tested.deviation, 1.0))[keep], tested.r[keep]

@@ -66,6 +66,16 @@ def test_condition_number_is_that_of_the_column_scaled_weighted_design():
     assert a.condition == pytest.approx(np.linalg.cond(scaled), rel=1e-9)
 
 
+@given(st.integers(0, 10**6), st.integers(2, 6), st.integers(0, 8), st.floats(0.0, 3.0))
+def test_a_bound_of_the_condition_number_decides_as_the_number_itself(seed, u, extra, power):
+    B, f, q = problem(seed, u + extra, u)
+    B[:, -1] = B[:, 0] + 10.0**-power * B[:, -1]
+    a = adjust(B, f, q, unknowns=names(u), condition_limit=1e12)
+    assert a.condition <= a.at_most * (1.0 + 1e-9)
+    for limit in (0.5 * a.condition, 2.0 * a.condition, 0.5 * a.at_most, 2.0 * a.at_most):
+        assert a.worse_than(limit) == (a.condition > limit)
+
+
 def test_a_square_system_has_no_redundancy():
     B, f, q = problem(6, 5, 5)
     a = adjust(B, f, q, unknowns=names(5))

@@ -52,7 +52,7 @@ def examined(design, misclosure, q, kind="baarda", alpha=0.001, apriori=APRIORI,
         vtpv=a.vtpv / apriori**2,
         redundancy=a.redundancy,
         test=AppliedTest(kind, alpha, None),
-        dense=Dense(a.q_vv, a.q_vv / a.q_l),
+        dense=lambda: Dense(a.q_vv, a.influence),
         **also,
     )
 

@@ -11,7 +11,7 @@ from testedrows import made_of, observation
 
 from anaplot.adjustment.tested import AppliedTest, Dense, Observation, Partner, Transfer
 from anaplot.console.app import ConsoleApp
-from anaplot.orientation.results import Diagnosis, ModelPoint, ModelSolution
+from anaplot.orientation.results import Diagnosis, ModelSolution
 from anaplot.plotter.readings import Position
 from anaplot.session.plates import ReadOut
 from anaplot.simulation.stereo import StereoGround
@@ -70,8 +70,9 @@ def solution(gross: bool = True) -> ModelSolution:
     n = len(rows)
     test = AppliedTest("tau", 0.001, CRITICAL)
     sigma0 = (9.31 if gross else 4.87) / 5.0
-    dense = Dense(np.eye(n), np.eye(n))
-    tested = made_of(rows, test, n - 6, sigma0, 0.0004 if gross else 0.97, dense)
+    tested = made_of(
+        rows, test, n - 6, sigma0, 0.0004 if gross else 0.97, lambda: Dense(np.eye(n), np.eye(n))
+    )
     return ModelSolution(
         left="102",
         right="103",
@@ -80,16 +81,17 @@ def solution(gross: bool = True) -> ModelSolution:
         centre=(91.8734, 0.4121, -1.0932),
         iterations=4,
         tested=tested,
-        points=tuple(ModelPoint(p, x, y, -152.0 + 0.01 * x) for p, _, x, y in PATTERN),
+        names=tuple(p for p, *_ in PATTERN),
+        coordinates=np.array([(x, y, -152.0 + 0.01 * x) for _, _, x, y in PATTERN]).T,
         ties=tuple(p[0] for p in PATTERN if p[1] == "tie"),
-        condition=17.3,
         apriori_um=5.0,
         tie_variance="propagated",
         outliers=(),
         remarks=(),
         q_l=np.array([2.0] * 13 + [6.0] * 5),
-        q_gg=np.eye(6),
         unknowns=("bx", "beta_y", "beta_z", "kappa", "phi", "omega"),
+        of_design=lambda: 17.3,
+        of_unknowns=lambda: np.eye(6),
         of_points=lambda: np.broadcast_to(np.diag([2.0, 3.0, 9.0]), (len(PATTERN), 3, 3)),
     )
 

@@ -59,11 +59,12 @@ def test_flown_the_other_way_it_is_the_same() -> None:
 
 def test_points_that_do_not_determine_the_ideal_model_have_none() -> None:
     solution = orient(ideal_pair("6"), PAPER, BAARDA)
-    line = tuple(point._replace(Y=0.0) for point in solution.points)
-    assert np.isnan(ideal_roots(replace(solution, points=line))).all()
+    line, level = solution.coordinates.copy(), solution.coordinates.copy()
+    line[1] = 0.0
+    assert np.isnan(ideal_roots(replace(solution, coordinates=line))).all()
     # at the height of the projection centre there is no photo place at all
-    level = (solution.points[0]._replace(Z=solution.centre[2]), *solution.points[1:])
-    assert np.isnan(ideal_roots(replace(solution, points=level))).all()
+    level[2, 0] = solution.centre[2]
+    assert np.isnan(ideal_roots(replace(solution, coordinates=level))).all()
 
 
 def test_modified_snooping_of_a_model_computes_exactly_only_in_doubt() -> None:

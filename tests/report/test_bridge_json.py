@@ -9,7 +9,6 @@ import pytest
 from anaplot.orientation.model import orient
 from anaplot.orientation.pair import Stereopair
 from anaplot.orientation.patterns import pattern
-from anaplot.orientation.results import ModelPoint
 from anaplot.orientation.strip import BridgedStrip, bridge_strip
 from anaplot.photogrammetry.block import (
     Block,
@@ -143,9 +142,10 @@ def test_what_does_not_exist_is_null():
 
 def test_a_point_at_infinity_is_null_and_not_infinite():
     model = five_points()
-    nowhere = (ModelPoint("9", float("inf"), float("nan"), -float("inf")),)
+    nowhere = np.array([[np.inf], [np.nan], [-np.inf]])
     cofactors = np.full((1, 3, 3), np.nan)
-    data = answer_of(replace(model, points=nowhere, of_points=lambda: cofactors))
+    model = replace(model, names=("9",), coordinates=nowhere, of_points=lambda: cofactors)
+    data = answer_of(model)
     (point,) = data["points"]
     assert point == {"point": "9", **dict.fromkeys(("X", "Y", "Z", "sX", "sY", "sZ"))}
 
