@@ -260,10 +260,10 @@ def _known(problem: Problem, state: BlockState) -> Index:
     known: Index = (problem.fixed | (problem.ground_sigma <= worst).any(axis=0)).sum(axis=1)
     if problem.given is not None:
         known[problem.given.points_given(len(known))] = 3
-    index = {name: k for k, name in enumerate(problem.points)}
-    for one in problem.block.conditions:
-        if one.use == "control":
-            known[[index[name] for name in one.points if name in index]] += 1
+    observed = [one for one in problem.block.conditions if one.use == "control"]
+    index = {name: k for k, name in enumerate(problem.points)} if observed else {}
+    for one in observed:
+        known[[index[name] for name in one.points if name in index]] += 1
     return known
 
 
