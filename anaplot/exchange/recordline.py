@@ -6,9 +6,8 @@ import json
 import re
 import zlib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from datetime import datetime
-from typing import Any
+from typing import Any, NamedTuple
 
 from anaplot.errors import InputError
 from anaplot.textfiles.wording import quoted, reason
@@ -62,8 +61,7 @@ class DamagedLineError(Exception):
         self.changed = changed
 
 
-@dataclass(frozen=True, slots=True)
-class JournalRecord:
+class JournalRecord(NamedTuple):
     """One record of a journal.
 
     Attributes
@@ -86,7 +84,7 @@ class JournalRecord:
     seq: int
     time: str
     kind: str
-    payload: Mapping[str, Any] = field(repr=False)
+    payload: Mapping[str, Any]
     file: str
     line: int
     durable: bool | None = None
@@ -163,18 +161,9 @@ def decode_line(
         raise DamagedLineError("a time that does not exist") from None
     kind = head[3].decode("ascii")
     wanted = keep is None or keep(kind)
-    return (
-        JournalRecord(
-            seq=int(head[1]),
-            time=time,
-            kind=kind,
-            payload=_payload(body) if wanted else {},
-            file=file,
-            line=line,
-            durable=None if head[4] is None else head[4] == b"true",
-        ),
-        wanted,
-    )
+    durable = None if head[4] is None else head[4] == b"true"
+    payload = _payload(body) if wanted else {}
+    return JournalRecord(int(head[1]), time, kind, payload, file, line, durable), wanted
 
 
 def claimed_format(raw: bytes) -> int | None:
@@ -193,11 +182,16 @@ def claimed_format(raw: bytes) -> int | None:
 
 def _payload(body: bytes) -> dict[str, Any]:
     try:
-        data = json.loads((body + b"}").decode("ascii"), parse_constant=_no_constant)
+        data: dict[str, Any] = _DECODER.decode((body + b"}").decode("ascii"))
     except (ValueError, RecursionError) as error:
         raise DamagedLineError("not JSON") from error
-    return {key: value for key, value in data.items() if key not in _RESERVED}
+    for key in _RESERVED & data.keys():
+        del data[key]
+    return data
 
 
 def _no_constant(name: str) -> None:
     raise ValueError(name)
+
+
+_DECODER = json.JSONDecoder(parse_constant=_no_constant)  # made once: a line needs as long

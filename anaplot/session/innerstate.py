@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import isfinite
 
 from anaplot.aliases import Axis, Side
 from anaplot.photogrammetry.platetransformation import PlateTransformation
+from anaplot.session.copied import copied
 from anaplot.session.refusal import EventRefusedError
 
 __all__ = ["InnerState", "MeasuredFiducial"]
@@ -95,7 +96,7 @@ class InnerState:
         measured = tuple(by_name[name] for name in self.fiducials if name in by_name)
         # measured anew it is believed again, as a point is
         off = frozenset(key for key in self.off if key[0] != fiducial)
-        return replace(self, measured=measured, off=off)
+        return copied(self, measured=measured, off=off)
 
     def with_switch(self, fiducial: str, axis: Axis | None, on: bool) -> InnerState:
         """Return the state after a fiducial, or one of its rows, was switched.
@@ -113,7 +114,7 @@ class InnerState:
                 "whole"
             )
         rows = {(fiducial, one) for one in _AXES if axis in (None, one)}
-        return replace(self, off=self.off - rows if on else self.off | rows)
+        return copied(self, off=self.off - rows if on else self.off | rows)
 
     def with_acceptance(self, transformation: PlateTransformation) -> InnerState:
         """Return the state after the transformation was accepted.
@@ -125,4 +126,4 @@ class InnerState:
         """
         if not self.used:
             raise EventRefusedError(f"{self.name}: no fiducial is measured")
-        return replace(self, accepted=transformation)
+        return copied(self, accepted=transformation)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Self
 
 from anaplot.aliases import Axis, Side
+from anaplot.session.copied import copied
 from anaplot.session.events import OFFERED, PlannedPoint
 from anaplot.session.innerstate import InnerState
 
@@ -100,11 +101,17 @@ class ModelState:
 
     def planned(self, point: str) -> PlannedPoint | None:
         """Return the planned point of that name, or None."""
-        return next((p for p in self.plan if p.point == point), None)
+        for planned in self.plan:  # no generator: asked for several times with every event
+            if planned.point == point:
+                return planned
+        return None
 
     def measurement(self, point: str) -> Measured | None:
         """Return the latest measurement of a point, or None."""
-        return next((m for m in self.measured if m.point == point), None)
+        for measured in self.measured:
+            if measured.point == point:
+                return measured
+        return None
 
     def place_of(self, side: Side, point: str) -> tuple[float, float] | None:
         """Return where a point was measured last in one photo [mm], or None.
@@ -154,6 +161,8 @@ class ModelState:
 
         In a mono comparator only that of the photo in it.
         """
+        if not self.inner:
+            return None
         there = self.carriages
         return next((i for i in self.inner if i.side in there and i.accepted is None), None)
 
@@ -191,7 +200,7 @@ class ModelState:
         found[sighting.side, sighting.point] = sighting
         # a point measured anew is believed again until its rows say otherwise
         off = frozenset(key for key in self.off if key[0] != sighting.point)
-        return replace(self, off=off).with_sightings(found.values())
+        return copied(self, off=off).with_sightings(found.values())
 
     def with_sightings(self, sightings: Iterable[Sighting]) -> Self:
         """Return the mono model with these as all that was measured in its photos."""
@@ -206,4 +215,4 @@ class ModelState:
             for a, b in pairs
             if a is not None and b is not None
         )
-        return replace(self, seen=seen, measured=measured)
+        return copied(self, seen=seen, measured=measured)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from anaplot.aliases import Side
 from anaplot.photogrammetry.block import Block
+from anaplot.session.copied import copied
 from anaplot.session.events import MonoMeasured, PhotoLaid
 from anaplot.session.modelstate import ModelState, Sighting
 from anaplot.session.pointcheck import check_place
@@ -29,7 +28,7 @@ def laid_in(model: ModelState, event: PhotoLaid, laying: int) -> ModelState:
     if event.photo not in model.photos:
         raise EventRefusedError(f"photo {event.photo} is not in model {model.name}")
     side: Side = "left" if event.photo == model.left else "right"
-    return replace(model, laid=side, laying=laying)
+    return copied(model, laid=side, laying=laying)
 
 
 def measured_in_photo(block: Block, model: ModelState, event: MonoMeasured) -> ModelState:
@@ -73,10 +72,10 @@ def taken_over(model: ModelState, preceding: ModelState, *, lies: bool) -> Model
         return model
     before = preceding.inner_of("right")
     inner = tuple(
-        replace(before, side="left") if before is not None and i.side == "left" else i
+        copied(before, side="left") if before is not None and i.side == "left" else i
         for i in model.inner
     )
-    return replace(model, laid="left", laying=preceding.laying, inner=inner)
+    return copied(model, laid="left", laying=preceding.laying, inner=inner)
 
 
 def followed(model: ModelState, old: ModelState, new: ModelState) -> ModelState:

@@ -6,10 +6,10 @@ stay, and what they are called is corrected, in both photos or in one.
 
 from __future__ import annotations
 
-from collections.abc import Collection
-from dataclasses import replace
+from collections.abc import Callable, Collection
 
 from anaplot.aliases import Axis, Side
+from anaplot.session.copied import copied
 from anaplot.session.events import PlannedPoint, PointRenamed
 from anaplot.session.modelstate import Measured, ModelState
 from anaplot.session.refusal import EventRefusedError
@@ -19,7 +19,9 @@ __all__ = ["names_after", "renamed"]
 _BOTH: tuple[Side, ...] = ("left", "right")
 
 
-def renamed(model: ModelState, event: PointRenamed, known: Collection[str]) -> ModelState:
+def renamed(
+    model: ModelState, event: PointRenamed, known: Callable[[], Collection[str]]
+) -> ModelState:
     """Return the model after what was measured as one point has the name of another.
 
     What has that name in the model already gets the name of the first: the two are exchanged. A
@@ -34,7 +36,7 @@ def renamed(model: ModelState, event: PointRenamed, known: Collection[str]) -> M
     event
         The two names, and in which photo.
     known
-        Points of the preceding model: ties.
+        Returns the points of the preceding model: ties.
 
     Raises
     ------
@@ -60,13 +62,13 @@ def renamed(model: ModelState, event: PointRenamed, known: Collection[str]) -> M
             f"only be {what}"
         )
     if model.planned(name) is None:
-        model = _with_name(model, event, known)
+        model = _with_name(model, event, known())
     before = model
     after = _mono(model, event, sides) if model.mono else _pair(model, event)
     off = {key for key in before.off if key[0] not in (point, name)}
     if event.side is None:
         off |= _off_as(before, point, after, name) | _off_as(before, name, after, point)
-    return replace(after, off=frozenset(off))
+    return copied(after, off=frozenset(off))
 
 
 def names_after(before: ModelState, after: ModelState) -> dict[str, str]:
@@ -89,7 +91,7 @@ def _places(model: ModelState) -> dict[str, tuple[tuple[float, float] | None, ..
 
 def _off_as(before: ModelState, point: str, after: ModelState, name: str) -> set[tuple[str, Axis]]:
     """Return the rows of what was measured as a point that are off when it has another name."""
-    if before.measurement(point) is None:
+    if not before.off or before.measurement(point) is None:
         return set()
     # a point of which nothing counts may get a row more, and one less
     whole = before.is_off(point)
@@ -118,8 +120,8 @@ def _with_name(model: ModelState, event: PointRenamed, known: Collection[str]) -
         event.name, event.role, *(left or (old.xl, old.yl)), *(right or (old.xr, old.yr))
     )
     if old.role == "tie":
-        return replace(model, plan=(*model.plan, new))
-    return replace(model, plan=tuple(new if p == old else p for p in model.plan))
+        return copied(model, plan=(*model.plan, new))
+    return copied(model, plan=tuple([new if p is old else p for p in model.plan]))
 
 
 def _pair(model: ModelState, event: PointRenamed) -> ModelState:
@@ -129,26 +131,26 @@ def _pair(model: ModelState, event: PointRenamed) -> ModelState:
     found = {m.point: m for m in model.measured if m.point != event.point}
     match event.side:
         case "left" if other is not None:
-            found[one.point] = replace(one, xl=other.xl, yl=other.yl)
-            found[other.point] = replace(other, xl=one.xl, yl=one.yl)
+            found[one.point] = copied(one, xl=other.xl, yl=other.yl)
+            found[other.point] = copied(other, xl=one.xl, yl=one.yl)
         case "right" if other is not None:
-            found[one.point] = replace(one, xr=other.xr, yr=other.yr)
-            found[other.point] = replace(other, xr=one.xr, yr=one.yr)
+            found[one.point] = copied(one, xr=other.xr, yr=other.yr)
+            found[other.point] = copied(other, xr=one.xr, yr=one.yr)
         case _:
-            found[event.name] = replace(one, point=event.name)
+            found[event.name] = copied(one, point=event.name)
             if other is not None:
-                found[event.point] = replace(other, point=event.point)
-    return replace(model, measured=_in_order(model, found))
+                found[event.point] = copied(other, point=event.point)
+    return copied(model, measured=_in_order(model, found))
 
 
 def _in_order(model: ModelState, found: dict[str, Measured]) -> tuple[Measured, ...]:
-    return tuple(found[p.point] for p in model.plan if p.point in found)
+    return tuple([m for p in model.plan if (m := found.get(p.point)) is not None])
 
 
 def _mono(model: ModelState, event: PointRenamed, sides: tuple[Side, ...]) -> ModelState:
     point, name = event.point, event.name
     other = {point: name, name: point}
     seen = tuple(
-        replace(s, point=other.get(s.point, s.point)) if s.side in sides else s for s in model.seen
+        copied(s, point=other.get(s.point, s.point)) if s.side in sides else s for s in model.seen
     )
     return model.with_sightings(seen)

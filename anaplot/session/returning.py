@@ -8,8 +8,9 @@ has taken from it, roles and in a mono comparator coordinates, follows here.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
+from anaplot.session.copied import copied
 from anaplot.session.events import PlannedPoint, Role
 from anaplot.session.modelstate import ModelState
 from anaplot.session.monofold import followed
@@ -137,12 +138,13 @@ def _with_roles(model: ModelState, preceding: ModelState) -> ModelState:
             return "tie"
         return "new" if point.role == "tie" else point.role
 
-    plan = tuple(replace(point, role=role(point)) for point in model.plan)
-    if plan == model.plan:
+    roles = [role(point) for point in model.plan]
+    if all(point.role == now for point, now in zip(model.plan, roles, strict=True)):
         return model
-    after = replace(model, plan=plan)
+    plan = tuple(copied(point, role=now) for point, now in zip(model.plan, roles, strict=True))
+    after = copied(model, plan=plan)
     off = {key for key in model.off if key[1] in after.axes(key[0])}
     for m in model.measured:
         if model.is_off(m.point):
             off |= {(m.point, axis) for axis in after.axes(m.point)}
-    return replace(after, off=frozenset(off))
+    return copied(after, off=frozenset(off))

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple, Self
+from functools import partial
+from typing import Any, NamedTuple, Self
 
 from anaplot.aliases import Side
 from anaplot.photogrammetry.block import Block
 from anaplot.photogrammetry.platetransformation import TRANSFORMATIONS, PlateTransformation
+from anaplot.session.copied import copied
 from anaplot.session.events import (
     OFFERED,
     DecisionsTakenOver,
@@ -33,6 +35,7 @@ from anaplot.session.events import (
     Suspended,
     Undone,
 )
+from anaplot.session.history import History
 from anaplot.session.innerstate import InnerState
 from anaplot.session.modelstate import Measured, ModelState
 from anaplot.session.monofold import laid_in, measured_in_photo, taken_over
@@ -64,6 +67,7 @@ __all__ = [
 
 # what was decided elsewhere waits for nobody
 WHILE_SUSPENDED = Resumed | DecisionsTakenOver
+_OF_NO_MEASUREMENT = (Suspended, Resumed, ReasonGiven)
 _HISTORY = 1000  # undo reaches back this many events
 
 
@@ -75,6 +79,9 @@ class _Moment(NamedTuple):
     returned: Return | None
     latest: tuple[str, str] | None
     recomputed: tuple[AsAccepted, ...]
+
+
+_NOTHING_YET: History[_Moment] = History()
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +125,7 @@ class SessionState:
     recomputed: tuple[AsAccepted, ...] = ()
     reasons: tuple[RowReason, ...] = ()
     last_change: LastChange | None = field(default=None, compare=False)
-    _history: tuple[_Moment, ...] = field(default=(), repr=False, compare=False)
+    _history: History[_Moment] = field(default=_NOTHING_YET, repr=False, compare=False)
 
     @property
     def may_undo(self) -> bool:
@@ -153,9 +160,10 @@ class SessionState:
         before = None if model is None else self.accepted(*model.photos)
         return model is not None and before is not None and same_measurements(model, before)
 
-    def _remembered(self) -> Self:
+    def _after(self, **changes: Any) -> Self:
+        """Return the state after what can be taken back."""
         now = _Moment(self.models, self.current, self.returned, self.latest, self.recomputed)
-        return replace(self, _history=(*self._history, now)[-_HISTORY:])
+        return copied(self, _history=self._history.pushed(now, _HISTORY), **changes)
 
 
 def start(block: Block) -> SessionState:
@@ -187,47 +195,47 @@ def apply(state: SessionState, event: Event) -> SessionState:
     if state.suspended and not isinstance(event, WHILE_SUSPENDED):
         raise EventRefusedError("work is suspended: resume first")
     after = _happened(state, event)
-    if isinstance(event, Suspended | Resumed | ReasonGiven):
+    if isinstance(event, _OF_NO_MEASUREMENT):
         return after
     changed = last_change(state.current, event, after.current)
     if changed is not None:
         reasons = after_change(state.reasons, changed, state.current, after.current)
-        return replace(after, last_change=changed, reasons=reasons)
+        return copied(after, last_change=changed, reasons=reasons)
     if state.last_change is None or not state.last_change.latest:
         return after
-    return replace(after, last_change=replace(state.last_change, latest=False))
+    return copied(after, last_change=copied(state.last_change, latest=False))
 
 
 def _happened(state: SessionState, event: Event) -> SessionState:
     """Return what is in work and accepted after an event."""
     match event:
         case Suspended():
-            return replace(state, suspended=True)
+            return copied(state, suspended=True)
         case Resumed():
             if not state.suspended:
                 raise EventRefusedError("work is not suspended")
-            return replace(state, suspended=False)
+            return copied(state, suspended=False)
         case ReasonGiven():
             return _given(state, event.reason)
         case Undone():
             return _undone(state)
         case ModelChosen():
-            return replace(state._remembered(), current=_chosen(state, event))
+            return state._after(current=_chosen(state, event))
         case FiducialMeasured() | FiducialSwitched() | InnerAccepted():
-            return _with_current(state, _inner(state, event))
+            return state._after(current=_inner(state, event))
         case PointAdded():
-            return _with_current(state, _added(state, event.planned))
+            return state._after(current=_added(state, event.planned))
         case PointMeasured():
             return _with_points(state, _measured(state, event), event.point)
         case PointRenamed():
             return _with_points(state, _renamed(state, event), event.point, event.name)
         case PointRepeated():
             check_repetition(state.block, _current(state), event)
-            return state._remembered()
+            return state._after()
         case PhotoLaid():
             model = laid_in(_current(state), event, state.layings + 1)
-            model = replace(model, inner=_laid_anew(state.block, model))
-            return replace(_with_current(state, model), layings=state.layings + 1)
+            model = copied(model, inner=_laid_anew(state.block, model))
+            return state._after(current=model, layings=state.layings + 1)
         case MonoMeasured():
             after = measured_in_photo(state.block, _oriented(state), event)
             return _with_points(state, after, event.point)
@@ -247,7 +255,7 @@ def _given(state: SessionState, reason: Reason) -> SessionState:
         raise EventRefusedError("no measurement was changed yet, for which there is a reason")
     models = state.models if state.current is None else (state.current, *state.models)
     reasons = with_reason(state.reasons, changed, reason, models)
-    return replace(state, last_change=replace(changed, reason=reason), reasons=reasons)
+    return copied(state, last_change=copied(changed, reason=reason), reasons=reasons)
 
 
 def _current(state: SessionState) -> ModelState:
@@ -256,27 +264,23 @@ def _current(state: SessionState) -> ModelState:
     return state.current
 
 
-def _with_current(state: SessionState, model: ModelState) -> SessionState:
-    return replace(state._remembered(), current=model)
-
-
 def _with_points(state: SessionState, model: ModelState, *points: str) -> SessionState:
     """Return the state after something was done about points of the current model."""
-    after, returned = _with_current(state, model), state.returned
+    returned = state.returned
     if returned is not None and returned.point in points:
-        return replace(after, returned=replace(returned, point=None, photo=None))
-    return after
+        return state._after(current=model, returned=copied(returned, point=None, photo=None))
+    return state._after(current=model)
 
 
 def _undone(state: SessionState) -> SessionState:
     if not state._history:
         raise EventRefusedError("there is nothing to undo")
-    *history, before = state._history
+    before, history = state._history.popped()
     current = before.current
     if current is not None and current.laid is not None and current.laying != state.layings:
-        current = replace(current, laid=None)
+        current = copied(current, laid=None)
     back = before._replace(current=current)
-    return replace(state, **back._asdict(), _history=tuple(history))
+    return copied(state, **back._asdict(), _history=history)
 
 
 def _chosen(state: SessionState, event: ModelChosen) -> ModelState:
@@ -298,7 +302,7 @@ def _chosen(state: SessionState, event: ModelChosen) -> ModelState:
     for p in event.plan:
         _check_role(model, p, known)
     chosen = ModelState(event.strip, event.left, event.right, event.plan, mono=event.mono)
-    chosen = replace(chosen, inner=_inners(state.block, chosen))
+    chosen = copied(chosen, inner=_inners(state.block, chosen))
     if not chosen.mono or preceding is None:
         return chosen
     lies = preceding.photos == state.latest and preceding.laying == state.layings
@@ -349,7 +353,7 @@ def _inner(
             after = inner.with_switch(event.fiducial, event.axis, event.on)
         case InnerAccepted():
             after = inner.with_acceptance(_transformation(inner, event))
-    return replace(model, inner=tuple(after if i == inner else i for i in model.inner))
+    return copied(model, inner=tuple(after if i == inner else i for i in model.inner))
 
 
 def _transformation(inner: InnerState, event: InnerAccepted) -> PlateTransformation:
@@ -391,7 +395,7 @@ def _added(state: SessionState, planned: PlannedPoint) -> ModelState:
         raise EventRefusedError(f"point {planned.point} is in model {model.name} already")
     preceding = state.preceding(model.strip, model.left)
     _check_role(f"model {model.name}", planned, _points_of(preceding))
-    after = replace(model, plan=(*model.plan, planned))
+    after = copied(model, plan=(*model.plan, planned))
     if not model.mono or preceding is None:
         return after
     return taken_over(after, preceding, lies=False)
@@ -414,17 +418,20 @@ def _measured(state: SessionState, event: PointMeasured) -> ModelState:
     new = Measured(
         event.point, event.xl, event.yl, event.xr, event.yr, 1 if old is None else old.times + 1
     )
-    by_name = {m.point: m for m in model.measured} | {event.point: new}
-    measured = tuple(by_name[p.point] for p in model.plan if p.point in by_name)
+    if old is not None:
+        measured = tuple([new if m is old else m for m in model.measured])
+    else:
+        by_name = {m.point: m for m in model.measured} | {event.point: new}
+        measured = tuple(by_name[p.point] for p in model.plan if p.point in by_name)
     # a point measured anew is believed again until its rows say otherwise
     off = frozenset(key for key in model.off if key[0] != event.point)
-    return replace(model, measured=measured, off=off)
+    return copied(model, measured=measured, off=off)
 
 
 def _renamed(state: SessionState, event: PointRenamed) -> ModelState:
     model = _oriented(state)
     preceding = state.preceding(model.strip, model.left)
-    after = renamed(model, event, _points_of(preceding))
+    after = renamed(model, event, partial(_points_of, preceding))
     if not model.mono or preceding is None:
         return after
     return taken_over(after, preceding, lies=False)
@@ -439,7 +446,7 @@ def _switched(model: ModelState, event: RowSwitched) -> ModelState:
     if event.axis is not None and event.axis not in axes:
         raise EventRefusedError(f"point {event.point} is no tie: it has no x row")
     rows = {(event.point, axis) for axis in axes if event.axis in (None, axis)}
-    return replace(model, off=model.off - rows if event.on else model.off | rows)
+    return copied(model, off=model.off - rows if event.on else model.off | rows)
 
 
 def _taken_over(state: SessionState, event: DecisionsTakenOver) -> SessionState:
@@ -447,11 +454,10 @@ def _taken_over(state: SessionState, event: DecisionsTakenOver) -> SessionState:
     parked = None if back is None else back.parked
     now = Decided(state.models, state.current, parked, state.recomputed, state.reasons)
     after = decided(now, event.rows)
-    return replace(
-        state._remembered(),
+    return state._after(
         models=after.models,
         current=after.current,
-        returned=None if back is None else replace(back, parked=after.parked),
+        returned=None if back is None else copied(back, parked=after.parked),
         recomputed=after.recomputed,
         reasons=after.reasons,
     )
@@ -464,9 +470,7 @@ def _accepted(state: SessionState, event: ModelAccepted) -> SessionState:
     if state.returned is not None:
         return _accepted_again(state, model, state.returned)
     _oriented(state)
-    return replace(
-        state._remembered(), models=(*state.models, model), current=None, latest=model.photos
-    )
+    return state._after(models=(*state.models, model), current=None, latest=model.photos)
 
 
 def _reopened(state: SessionState, event: ModelReopened) -> SessionState:
@@ -481,15 +485,15 @@ def _reopened(state: SessionState, event: ModelReopened) -> SessionState:
     if event.photo is not None and event.photo not in model.photos:
         raise EventRefusedError(f"photo {event.photo} is not in {name}")
     returned = Return(current, event.point, event.photo)
-    return replace(state._remembered(), current=_taken_out(state, model), returned=returned)
+    return state._after(current=_taken_out(state, model), returned=returned)
 
 
 def _taken_out(state: SessionState, model: ModelState) -> ModelState:
     """Return a model whose photos are to be laid in anew: how they lie is not known any more."""
     if not model.mono:
-        return replace(model, inner=_inners(state.block, model))
+        return copied(model, inner=_inners(state.block, model))
     # the photo that was laid in last lies there still
-    return model if model.laying == state.layings else replace(model, laid=None)
+    return model if model.laying == state.layings else copied(model, laid=None)
 
 
 def _accepted_again(state: SessionState, model: ModelState, returned: Return) -> SessionState:
@@ -505,8 +509,7 @@ def _accepted_again(state: SessionState, model: ModelState, returned: Return) ->
         if changed:
             others = tuple(known for known in recomputed if known.photos != model.photos)
             recomputed = recomputed_since(others, following(models, model), state.models)
-    return replace(
-        state._remembered(),
+    return state._after(
         models=models,
         current=None if parked is None else _taken_out(state, parked),
         returned=None,

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
 from itertools import groupby
 from typing import NamedTuple
 
+from anaplot.session.copied import copied
 from anaplot.session.events import DecidedRow
 from anaplot.session.modelstate import ModelState
 from anaplot.session.reasons import RowReason
@@ -72,7 +72,7 @@ def _switched(model: ModelState, rows: Iterable[DecidedRow]) -> ModelState:
                 f"model {model.name} has no row {row.axis} of point {row.point}"
             )
         (off.discard if row.on else off.add)((row.point, row.axis))
-    return replace(model, off=frozenset(off))
+    return copied(model, off=frozenset(off))
 
 
 def _with_reasons(

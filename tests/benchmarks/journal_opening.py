@@ -11,6 +11,7 @@ process's, with what the block takes that is adjusted in the background by then.
 
 from __future__ import annotations
 
+import gc
 import json
 import resource
 import sys
@@ -48,8 +49,8 @@ from anaplot.station.station import Station
 POINTS = 20  # a model, at most
 Seen = dict[str, tuple[float, float]]
 Noise = Callable[[tuple[float, float]], tuple[float, float]]
-_TRAFFIC = {"items": [["in", "main", "P +012.3456 -034.5678 +012.0000 -034.5000\n", 12345.6]] * 8}
-_TABLE = {"rows": [["101-1", "y", 0.1234567890123, 1.234567890123, 0.987654321, 1.2345678]] * 18}
+TRAFFIC = {"items": [["in", "main", "P +012.3456 -034.5678 +012.0000 -034.5000\n", 12345.6]] * 8}
+TABLE = {"rows": [["101-1", "y", 0.1234567890123, 1.234567890123, 0.987654321, 1.2345678]] * 18}
 
 
 def model(
@@ -89,8 +90,8 @@ def write(folder: Path, strips: int, photos: int) -> int:
             for pair in strip.models():
                 events, seen = model(flown, strip, pair, seen, noise)
                 for event in events:
-                    records = [("traffic", _TRAFFIC), (event.kind, event_to_payload(event))]
-                    journal.append_many([*records, ("table", _TABLE)], durable=False)
+                    records = [("traffic", TRAFFIC), (event.kind, event_to_payload(event))]
+                    journal.append_many([*records, ("table", TABLE)], durable=False)
                     state = apply(state, event)
                     snapshots.happened([event], state)
                 count += len(events) - 2
@@ -130,6 +131,7 @@ STAGES: dict[str, Callable[[Path], object]] = {
 
 def measured(what: str, folder: Path) -> tuple[float, float]:
     """Return the seconds of a stage in this thread, and the largest memory [MB] of the process."""
+    gc.set_threshold(100_000)  # as the program has it
     begin = time.thread_time()
     STAGES[what](folder)
     taken = time.thread_time() - begin

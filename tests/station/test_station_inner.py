@@ -383,7 +383,7 @@ def test_a_replay_finds_what_was_changed(bench: Bench, kind: str, key: str, word
                 value = [[value[0][0] + 1e-6, *value[0][1:]], value[1]]
             else:
                 value += 1e-6 if kind != "inner-table" else 1e-3
-            record = replace(record, payload={**record.payload, key: value})
+            record = record._replace(payload={**record.payload, key: value})
         changed.append(record)
     assert done
     steps = replay(recorded_block(bench.folder, changed), changed)
