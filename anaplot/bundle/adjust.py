@@ -17,7 +17,7 @@ from anaplot.bundle.solve.gaussnewton import (
     find_minimum,
 )
 from anaplot.bundle.solve.imaging import BlockState, with_additional
-from anaplot.bundle.solve.linearised import linearise, objective
+from anaplot.bundle.solve.linearised import objective
 from anaplot.bundle.solve.openmovement import parameters_left_open
 from anaplot.bundle.solve.problem import Datum, Problem, make_problem
 from anaplot.bundle.solve.reliability import Cofactors, compute_cofactors
@@ -254,7 +254,7 @@ def adjust_bundle(
     start = rescaled(problem, start)
     robust = None if robust is None else rescaled(problem, robust)
     structure = make_structure(problem, start.centres)
-    check_datum(problem, start, linearise(problem, start))
+    check_datum(problem, start)
     try:
         found = found or find_minimum(problem, start, structure, progress=progress)
     except NoConvergenceError as error:

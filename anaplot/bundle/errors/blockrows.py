@@ -192,7 +192,7 @@ class BlockRows:
         return isinstance(error, NoConvergenceError)
 
     def _minimum(self, problem: Problem, state: BlockState) -> Minimum:
-        check_datum(problem, state, linearise(problem, state))
+        check_datum(problem, state)
         return find_minimum(problem, state, self.structure, firm=True, progress=self._watch)
 
     def _open(

@@ -160,7 +160,7 @@ def minimum_without_misfits(
             return None
         problem = smaller
         try:
-            check_datum(problem, start, linearise(problem, start))
+            check_datum(problem, start)
             return problem, find_minimum(problem, start, structure, progress=progress)
         except NoConvergenceError as error:
             runaway = error.state

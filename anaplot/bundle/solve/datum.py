@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import connected_components
 from anaplot.aliases import Array, Bools, Index
 from anaplot.bundle.solve.conditionscale import ScaleOfConditions
 from anaplot.bundle.solve.imaging import BlockState
-from anaplot.bundle.solve.linearised import Linearised, linearise
+from anaplot.bundle.solve.linearised import BesideRays, beside_rays
 from anaplot.bundle.solve.offsetequations import best_offsets
 from anaplot.bundle.solve.problem import Problem, listed
 from anaplot.bundle.solve.reliability import DatumChange
@@ -104,11 +104,12 @@ def null_space(problem: Problem, state: BlockState) -> tuple[Array, Array]:
     return photos, similarity_effects(state.points)
 
 
-def check_datum(problem: Problem, state: BlockState, linear: Linearised) -> None:
+def check_datum(problem: Problem, state: BlockState) -> None:
     """Raise NotComputableError when a part of the block hangs in the air; names its photos.
 
     What control and priors leave open is an OpenDatumError.
     """
+    beside = beside_rays(problem, state)
     labels = components(problem)
     count = int(labels.max()) + 1
     point_part = np.empty(len(problem.points), dtype=np.intp)
@@ -125,7 +126,7 @@ def check_datum(problem: Problem, state: BlockState, linear: Linearised) -> None
             return
         # coordinates of fixed points belong to every part that sees them
         seen = np.unique(problem.point[labels[problem.photo] == part])
-        known = _held(problem, state, linear, mine, seen)
+        known = _held(problem, state, beside, mine, seen)
         weak = known.singular < _RANK * max(1.0, float(known.singular[0]))
         if weak.any():
             held = known.coordinates
@@ -142,9 +143,9 @@ def check_datum(problem: Problem, state: BlockState, linear: Linearised) -> None
                 if known.rows == 0
                 else "there is no control, and what photos state is only known but for the unknown "
                 f"{_unknown_offsets(problem)}"
-                if linear.offsets is not None and count_control == 0
+                if beside.offsets is not None and count_control == 0
                 else f"{count_control} control points{' or priors of points' * some_priors}"
-                + " or given ones" * (linear.given is not None)
+                + " or given ones" * (beside.given is not None)
                 + (f" ({listed([problem.points[k] for k in seen[held.any(axis=1)]])})"
                    if count_control else "")
                 + " do not suffice"
@@ -186,17 +187,17 @@ class _Held(NamedTuple):
 
 
 def _held(
-    problem: Problem, state: BlockState, linear: Linearised, mine: Index, seen: Index
+    problem: Problem, state: BlockState, others: BesideRays, mine: Index, seen: Index
 ) -> _Held:
     """Return how control, priors and given coordinates hold some photos and points."""
     photo_null, point_null = null_space(problem, state)
-    held = problem.fixed[seen] | (linear.point_weight[:, seen] > 0.0).any(axis=0)
-    rows = linear.photo_rows[mine]
+    held = problem.fixed[seen] | (others.point_weight[:, seen] > 0.0).any(axis=0)
+    rows = others.photo_rows[mine]
     moved = np.matmul(rows, photo_null[mine])
-    left, of_offsets = _beside_offsets(linear, moved, mine)
-    if linear.given is not None:
-        held |= linear.given.held_points(state.points.shape)[seen] > 0.0
-        given = linear.given.photo_rows(problem.per_photo)[mine]
+    left, of_offsets = _beside_offsets(others, moved, mine)
+    if others.given is not None:
+        held |= others.given.held_points(state.points.shape)[seen] > 0.0
+        given = others.given.photo_rows(problem.per_photo)[mine]
         rows = np.concatenate((rows, given), axis=1)
         beside = np.matmul(given, photo_null[mine])
         moved, left = (np.concatenate((part, beside), axis=1) for part in (moved, left))
@@ -221,13 +222,13 @@ def _held(
     return _Held(singular, right, size[:, None] * base, held, len(stack))
 
 
-def _beside_offsets(linear: Linearised, moved: Array, mine: Index) -> tuple[Array, Array]:
+def _beside_offsets(others: BesideRays, moved: Array, mine: Index) -> tuple[Array, Array]:
     """Return what movements do to photos' priors beside what their offsets take up.
 
     Parameters
     ----------
-    linear
-        The bundle at a state.
+    others
+        What holds photos beside the rays.
     moved
         (k, 6, 7) what the movements do to the priors of some photos, whitened.
     mine
@@ -239,10 +240,10 @@ def _beside_offsets(linear: Linearised, moved: Array, mine: Index) -> tuple[Arra
         What is left of it, and what the movements are for the q offsets of which something is
         known.
     """
-    offsets = linear.offsets
+    offsets = others.offsets
     if offsets is None:
         return moved, np.zeros((0, 7))
-    every = np.zeros((len(linear.photo_rows), 6, 7))
+    every = np.zeros((len(others.photo_rows), 6, 7))
     every[mine] = moved
     own = np.zeros((len(offsets.e), 7))
     taken = offsets.fitted(every, own)[offsets.laid.weighted]
@@ -252,7 +253,7 @@ def _beside_offsets(linear: Linearised, moved: Array, mine: Index) -> tuple[Arra
 
 def _held_whole(problem: Problem, state: BlockState) -> _Held:
     everything = np.arange(len(problem.photos)), np.arange(len(problem.points))
-    return _held(problem, state, linearise(problem, state), *everything)
+    return _held(problem, state, beside_rays(problem, state), *everything)
 
 
 def with_priors_kept(problem: Problem, state: BlockState) -> Problem:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import reduce
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,8 +19,10 @@ from anaplot.photogrammetry.collinearity import turns
 from anaplot.photogrammetry.rotation import angle_derivatives, rotation_angles, wrapped
 
 __all__ = [
+    "BesideRays",
     "Linearised",
     "Unknowns",
+    "beside_rays",
     "counted_misclosures",
     "effect",
     "effects",
@@ -97,6 +101,15 @@ class Linearised:
         others = (self.conditions, self.given, self.offsets)
         more = tuple(of.e for of in others if of is not None)
         return (self.e, self.point_e, self.photo_e, self.own_e, self.shared_e, *more)
+
+
+class BesideRays(NamedTuple):
+    """What holds photos and points beside the rays; its parts are those of `Linearised`."""
+
+    point_weight: Array
+    photo_rows: Array
+    given: GivenEquations | None
+    offsets: OffsetEquations | None
 
 
 def _angles(rotations: Array) -> Array:
@@ -237,7 +250,44 @@ def linearise(problem: Problem, state: BlockState) -> Linearised:
             part[problem.rejected] = 0.0
     point_e, own_e, shared_e = _prior_misclosures(problem, state)
     photo_e, offsets = _photo_misclosures(problem, state)
-    rows = np.zeros((n, 6, d))
+    prior = np.zeros((len(problem.additional_groups), seen.parameter.shape[2]))
+    if len(problem.additional_sigma):
+        prior = problem.additional_sigma**-2.0
+    return Linearised(
+        a=a,
+        b=b,
+        h=h,
+        e=e,
+        point_weight=_point_weight(problem),
+        point_e=point_e,
+        photo_rows=_photo_rows(problem, state, offsets),
+        photo_e=photo_e,
+        own_weight=prior if problem.photo_invariant else np.zeros((n, 0)),
+        own_e=own_e,
+        shared_weight=np.zeros(0) if problem.photo_invariant else prior.ravel(),
+        shared_e=shared_e,
+        depth=seen.depth,
+        conditions=_condition_equations(problem, state),
+        given=_given_equations(problem, state),
+        offsets=offsets,
+    )
+
+
+def beside_rays(problem: Problem, state: BlockState) -> BesideRays:
+    """Return what holds photos and points at a state beside the rays, as `linearise` has it."""
+    offsets = _photo_misclosures(problem, state)[1]
+    rows = _photo_rows(problem, state, offsets)
+    return BesideRays(_point_weight(problem), rows, _given_equations(problem, state), offsets)
+
+
+def _point_weight(problem: Problem) -> Array:
+    """(2, points, 3) weights of control and of the points' priors."""
+    return np.asarray(np.nan_to_num(problem.ground_sigma**-2.0))
+
+
+def _photo_rows(problem: Problem, state: BlockState, offsets: OffsetEquations | None) -> Array:
+    """(photos, 6, d) whitened rows of the priors of photos; zero where there is none."""
+    rows = np.zeros((len(problem.photos), 6, problem.per_photo))
     with_position = np.isfinite(problem.position_sigma)
     for axis in range(3):
         rows[:, axis, axis] = np.where(
@@ -251,27 +301,7 @@ def linearise(problem: Problem, state: BlockState) -> Linearised:
     for k in np.nonzero(np.isfinite(problem.rotation_sigma).any(axis=1))[0]:
         weighted = angle_derivatives(seen_by[k]) / problem.rotation_sigma[k][:, None]
         rows[k, 3:, 3:6] = np.where(np.isfinite(weighted), weighted, 0.0)
-    prior = np.zeros((len(problem.additional_groups), seen.parameter.shape[2]))
-    if len(problem.additional_sigma):
-        prior = problem.additional_sigma**-2.0
-    return Linearised(
-        a=a,
-        b=b,
-        h=h,
-        e=e,
-        point_weight=np.nan_to_num(problem.ground_sigma**-2.0),
-        point_e=point_e,
-        photo_rows=rows,
-        photo_e=photo_e,
-        own_weight=prior if problem.photo_invariant else np.zeros((n, 0)),
-        own_e=own_e,
-        shared_weight=np.zeros(0) if problem.photo_invariant else prior.ravel(),
-        shared_e=shared_e,
-        depth=seen.depth,
-        conditions=_condition_equations(problem, state),
-        given=_given_equations(problem, state),
-        offsets=offsets,
-    )
+    return rows
 
 
 def _boresighted(offsets: OffsetEquations | None, state: BlockState) -> Array:
@@ -345,11 +375,11 @@ def rounding(problem: Problem, state: BlockState, depth: Array) -> float:
     depth
         (m,) of the rays there [m].
     """
-    away = np.abs(state.points).max(axis=1)[problem.point]
-    away = away + np.abs(state.centres).max(axis=1)[problem.photo]
+    away = _largest(state.points)[problem.point]
+    away += _largest(state.centres)[problem.photo]
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         image = problem.c[problem.photo] * (1.0 + away / np.abs(depth))
-        size = (image + np.abs(problem.xy).max(axis=1)) / problem.sigma_xy.min(axis=1)
+        size = (image + _largest(problem.xy)) / np.minimum(*problem.sigma_xy.T)
         of_points = np.abs(state.points) / problem.ground_sigma
         of_photos = np.abs(state.centres) / problem.position_sigma
     total = 2.0 * float(np.vdot(size, size))
@@ -359,6 +389,11 @@ def rounding(problem: Problem, state: BlockState, depth: Array) -> float:
     if problem.given is not None:
         total += prior_rounding(problem.given, state)
     return total * float(np.finfo(np.float64).eps) ** 2
+
+
+def _largest(values: Array) -> Array:
+    """(n,) largest of abs(values) (n, k), many times as quick as along the short axis."""
+    return np.asarray(reduce(np.maximum, map(np.abs, values.T)))
 
 
 def move(

@@ -14,7 +14,7 @@ from anaplot.bundle.solve.gaussnewton import (
     find_minimum,
 )
 from anaplot.bundle.solve.imaging import BlockState, with_additional
-from anaplot.bundle.solve.linearised import linearise, objective
+from anaplot.bundle.solve.linearised import objective
 from anaplot.bundle.solve.openmovement import held_by_noise
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.structure import Structure, make_structure
@@ -134,7 +134,7 @@ def best_minimum(
         except np.linalg.LinAlgError:
             continue
         # what is not determined is so from every start
-        check_datum(problem, start, linearise(problem, start))
+        check_datum(problem, start)
         unsure = doubtful(problem, start)
         hopeless = unsure and len(problem.photo) > _CHANCE
         if unsure and closest is not None and closest.solution.agrees(problem):

@@ -10,7 +10,6 @@ from anaplot.aliases import Progress
 from anaplot.bundle.solve.datum import check_datum
 from anaplot.bundle.solve.gaussnewton import find_minimum
 from anaplot.bundle.solve.imaging import BlockState
-from anaplot.bundle.solve.linearised import linearise
 from anaplot.bundle.solve.problem import Problem, make_problem
 from anaplot.bundle.solve.structure import make_structure
 from anaplot.bundle.start.approximate import laid_onto_control, restricted
@@ -34,7 +33,7 @@ def from_free_network(
         )
         bare = restricted(free, problem, start)
         structure = make_structure(free, bare.centres)
-        check_datum(free, bare, linearise(free, bare))
+        check_datum(free, bare)
         bare = robust_state(free, structure, bare).state
         found = find_minimum(free, bare, structure, progress=progress)
         return laid_onto_control(problem, free, found.state)
