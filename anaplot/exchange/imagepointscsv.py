@@ -11,7 +11,7 @@ from typing import Any
 
 from anaplot.aliases import Array, Index
 from anaplot.errors import InputError
-from anaplot.exchange.keptrows import Written, rewritten
+from anaplot.exchange.keptrows import Columns, rewritten
 from anaplot.photogrammetry.block import Block, Camera, ImagePoint, Strip
 from anaplot.photogrammetry.imagepoints import ImagePoints
 from anaplot.photogrammetry.measuredimage import (
@@ -249,28 +249,22 @@ def reformat_image_points(path: Path, points: Iterable[ImagePoint], block: Block
     return rewritten(text, _written(parse_image_points(path, block), block), _written(rows, block))
 
 
-def _written(rows: ImagePoints, block: Block) -> Written:
+def _written(rows: ImagePoints, block: Block) -> Columns:
     """Return the fields that say rows."""
     columns = rows.columns
-    places = _as_measured(rows, block)
     sigmas = columns.sigma_um
-    stated = [None] * len(rows) if sigmas is None else stated_sigmas(sigmas)
-    model, use, reason = columns.model, columns.use, columns.reason
-    said = [columns.photo, columns.point, *(one.each(lambda v: v or "") for one in (model, reason))]
-    photos, points, models, reasons = (one.listed() for one in said)
-    xy = _PIXELS if block.in_pixels else ("x", "y")
-    return Written(
-        ("photo", "point", *xy, "sigma_um", "model", "use", "reason"),
-        list(
-            zip(
-                *(photos, points),
-                *(map(repr, values) for values in places.T.tolist()),
-                ["" if s is None else repr(float(s)) for s in stated],
-                *(models, use.listed(), reasons),
-                strict=True,
-            )
-        ),
-    )
+    x, y = _as_measured(rows, block).T.tolist()
+    names = _PIXELS if block.in_pixels else ("x", "y")
+    return {
+        "photo": columns.photo.listed(),
+        "point": columns.point.listed(),
+        names[0]: x,
+        names[1]: y,
+        "sigma_um": [None] * len(rows) if sigmas is None else stated_sigmas(sigmas),
+        "model": columns.model.listed(),
+        "use": columns.use.listed(),
+        "reason": columns.reason.listed(),
+    }
 
 
 def _as_measured(rows: ImagePoints, block: Block | None) -> Array:

@@ -7,34 +7,23 @@ else are written, and rows that are new; a column that is missing for them is ad
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
 
 from anaplot.textfiles.csvlines import CsvLine, CsvLines, cell_value, cells_of, with_value
 
-__all__ = ["Written", "rewritten"]
+__all__ = ["Columns", "rewritten"]
 
 # columns that may be missing, and what a blank field of them says
-_MAY_MISS = {"sigma_um": "", "model": "", "use": "xy", "reason": ""}
+_MAY_MISS = {"sigma_um": None, "model": None, "use": "xy", "reason": None}
+_KEY = ("photo", "point", "model")
 _SWITCHES = ("reason", "use")
 
 
-class Written(NamedTuple):
-    """Rows as the fields that say them.
-
-    Attributes
-    ----------
-    names
-        Of the columns: photo, point, both coordinates, and those that may be missing.
-    rows
-        The fields of every row.
-    """
-
-    names: tuple[str, ...]
-    rows: Sequence[tuple[str, ...]]
+Columns = Mapping[str, Sequence[str | float | None]]
+"""What rows say by columns: photo, point, both coordinates, and those that may be missing."""
 
 
-def rewritten(text: str, old: Written, new: Written) -> str:
+def rewritten(text: str, old: Columns, new: Columns) -> str:
     """Return the text of a file with other rows.
 
     Columns that are added stand where nobody puts them: `reason,use` at the end where both are,
@@ -53,38 +42,62 @@ def rewritten(text: str, old: Written, new: Written) -> str:
     names = list(map(cell_value, header))
     first, last = _added(names, new)
     places = {name: k for k, name in enumerate((*first, *names, *last))}
+    sources = _sources(old, new)
+    changed = _changed(old, new, sources)
     whole: str | None = None
-    photo, point, model = (new.names.index(name) for name in ("photo", "point", "model"))
-    known = {(row[photo], row[point], row[model]): k for k, row in enumerate(old.rows)}
+    fresh = CsvLine("", "," * (len(names) - 1), lines.end)
+    # blank fields of columns that are added
+    before, behind = "," * len(first), "," * len(last)
     out: list[CsvLine] = []
-    for row in new.rows:
-        k = known.get((row[photo], row[point], row[model]))
-        said = ("",) * len(row) if k is None else old.rows[k]
-        line = CsvLine("", "", lines.end) if k is None else lines.rows[k]
-        if said == row:
-            # blank fields of columns that are added
-            more = line._replace(text=f"{',' * len(first)}{line.text}{',' * len(last)}")
-            out.append(more if first or last else line)
-            continue
-        cells = [""] * len(names) if k is None else cells_of(line.text)
-        cells = [*("" for _ in first), *cells, *("" for _ in last)]
-        for name, value, was in zip(new.names, row, said, strict=True):
-            if value != was and name in places:
-                text_of = value
+    for k, source in enumerate(sources):
+        line = fresh if source is None else lines.rows[source]
+        if first or last:
+            line = CsvLine(line.above, f"{before}{line.text}{behind}", line.end)
+        if k in changed:
+            cells = cells_of(line.text)
+            for name, value in changed[k].items():
+                if name not in places:
+                    continue
+                said = "" if value is None else value if isinstance(value, str) else repr(value)
                 if name == "use" and value == "xy":
                     whole = _word_for_whole(lines, names) if whole is None else whole
-                    text_of = whole
-                cells[places[name]] = with_value(cells[places[name]], text_of)
-        out.append(line._replace(text=",".join(cells)))
+                    said = whole
+                cells[places[name]] = with_value(cells[places[name]], said)
+            line = line._replace(text=",".join(cells))
+        out.append(line)
     return lines.with_rows(*_without_blank_columns(",".join((*first, *header, *last)), out))
 
 
-def _added(names: Sequence[str], new: Written) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def _sources(old: Columns, new: Columns) -> Sequence[int | None]:
+    """Return of each new row which old one has its photo, point and model; None: none."""
+    mine, its = ([columns[name] for name in _KEY] for columns in (new, old))
+    if mine == its:
+        return range(len(mine[0]))
+    known = {key: k for k, key in enumerate(zip(*its, strict=True))}
+    return [known.get(key) for key in zip(*mine, strict=True)]
+
+
+def _changed(
+    old: Columns, new: Columns, sources: Sequence[int | None]
+) -> dict[int, dict[str, str | float | None]]:
+    """Return of the new rows that say something else, or are new, the fields that do."""
+    out: dict[int, dict[str, str | float | None]] = {}
+    for name, mine in new.items():
+        its = old[name]
+        if isinstance(sources, range) and mine == its:
+            continue
+        for k, (value, source) in enumerate(zip(mine, sources, strict=True)):
+            if source is None or its[source] != value:
+                out.setdefault(k, {})[name] = value
+    return out
+
+
+def _added(names: Sequence[str], new: Columns) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return the columns that are missing: those that come first, and those that come last."""
     missing = [
         name
         for name, blank in _MAY_MISS.items()
-        if name not in names and any(row[new.names.index(name)] != blank for row in new.rows)
+        if name not in names and any(value != blank for value in new[name])
     ]
     switches = tuple(name for name in _SWITCHES if name in missing)
     others = tuple(name for name in missing if name not in switches)

@@ -116,12 +116,19 @@ def cell_value(cell: str) -> str:
 
 
 def with_value(cell: str, value: str) -> str:
-    """Return a field that says something else; blanks and quotes around it stay."""
+    """Return a field that says something else; blanks around it stay, and quotes without need."""
     inner = cell.strip()
     before, after = (cell, "") if not inner else cell.split(inner, 1)
+    unasked = inner.startswith('"') and _quoted(cell_value(cell)) != inner
+    return f"{before}{_quoted(value, always=unasked)}{after}"
+
+
+def _quoted(value: str, *, always: bool = False) -> str:
+    """Return a value in quotes where it needs them, or always."""
+    if not (value or always):
+        return ""  # a row of one field that is blank would be quoted
     text = io.StringIO()
-    if inner.startswith('"'):
-        csv.writer(text, lineterminator="", quoting=csv.QUOTE_ALL).writerow([value])
-    elif value:
-        csv.writer(text, lineterminator="").writerow([value])
-    return f"{before}{text.getvalue()}{after}"
+    csv.writer(
+        text, lineterminator="", quoting=csv.QUOTE_ALL if always else csv.QUOTE_MINIMAL
+    ).writerow([value])
+    return text.getvalue()

@@ -174,7 +174,7 @@ def test_a_file_is_taken_back_to_the_byte(
     ends, lines = ("\r\n", "\n", "\r\n", "\r"), [f"y, x ,photo,point,{','.join(columns)}"]
     for k, row in enumerate(read_block(folder).image_points):
         use = " " if mark else '"xy"'
-        said = {"use": use, "reason": "", "model": ""}
+        said = {"use": use, "reason": '""' if mark else "", "model": ""}
         beside = ",".join(said[name] for name in columns)
         lines.append(f'{row.y!r}0,  {row.x:+.17e} ,{row.photo},"{row.point}",{beside}')
         lines += [" "] * (k == 7)
