@@ -20,18 +20,20 @@ of its bound in the mean, but a share of it, or the root of the squares, let too
 at once of which half is off). A row goes where it exceeds its limit by more than that, and the
 others of its place by twice as much; where the doubt is less than a tenth of a sigma it counts for
 nothing. What is left waits for the next sweep; the largest of all never waits, and what went too
-early comes back. Of rows that are hard to tell apart another one may go than one by one.
+early comes back. Of rows that are hard to tell apart another one may go than one by one. Rows that
+exceed their limits only as long as the others are in would all go and all come back: where a set
+comes again, one step alone is taken.
 
 Sweeps begin without what the place of linearisation was found without: what a robust solution
 leaves far off, or what the pass before has rejected. There the rule decides anew in every place as
 if all of its own rows were in, so that steps and statistics are those of the place; what stands at
 the end of a pass stays the same in the next. On the way from a robust solution a tenth of the bound
-is in doubt: what is alike off in one photo is known already, and the next pass looks again.
+is in doubt: what is alike off in one photo is known already, and the next pass looks again. Its end
+is seen once from an adjustment without the rejected rows, so that the next pass finds the same.
 
 A sweep need not adjust anew to see what is left: the misclosures follow exactly from the adjustment
 with all rows (`WithoutRows.drafted`), only the redundancy numbers leave out what places do to each
-other. The end is always seen from an adjustment without the rejected rows, unless it is but a place
-on the way (`draft`).
+other. The end of a pass that is no draft is always seen from an adjustment without its rows.
 """
 
 from __future__ import annotations
@@ -193,9 +195,14 @@ class _Sweeps:
     best: bool
 
     @property
-    def share(self) -> float:
-        """Share of what may be in doubt that is: of a draft, where it is known what is far off."""
-        return _IN_THE_MEAN if self.draft and self.without.begun else 1.0
+    def robust(self) -> bool:
+        """Whether it is on the way from a robust solution: it is known what is far off."""
+        return self.draft and bool(self.without.begun)
+
+    @property
+    def rough(self) -> bool:
+        """Whether redundancy numbers by the places alone are good enough for the end."""
+        return self.draft and not self.robust
 
     @property
     def critical(self) -> float:
@@ -211,7 +218,7 @@ class _Sweeps:
         exact = bool(out) and not self.draft
         given = self._given(out, number, exact=exact)
         if out:
-            begun = self._sweep(given, out, anew=True)
+            begun = self._sweep(given, out, anew=True, share=_IN_THE_MEAN if self.robust else 1.0)
             steps, number = begun.steps, 2
             if begun.out != out:
                 out, exact = begun.out, False
@@ -219,19 +226,30 @@ class _Sweeps:
                 given = self._given(out, number, exact=exact)
         seen = {out}
         while not self.watch.stopped:
-            found = self._sweep(given, out)
+            share = _IN_THE_MEAN if self.robust and not exact else 1.0
+            found = self._sweep(given, out, share=share)
             if not found.steps:
                 found = self._exchanged(given, out)
             number += 1
-            if not (found.steps or exact or self.draft):
-                exact = True
+            if found.steps and found.out in seen:
+                # rows that go only as long as the others are in: one after the other
+                found = found.first_alone(out, seen)
+            if not (found.steps or exact or self.rough):
+                # sets that were left for redundancy numbers by the places alone may be right
+                exact, seen = True, {out}
                 del given
                 given = self._given(out, number, exact=True)
                 continue
-            if not found.steps or found.out in seen:
+            if not found.steps:
                 break
             if len(seen) > MOST_SWEEPS:
                 remarks = (f"the rejected observations did not settle in {MOST_SWEEPS} sweeps",)
+                break
+            if exact and self.draft:
+                # the next pass looks at the few that this has changed
+                steps, out = steps + found.steps, found.out
+                del given
+                given = self._given(out, number, exact=False)
                 break
             objective = self._objective(given, out)
             del given
@@ -271,10 +289,13 @@ class _Sweeps:
     def _changes(self, value: float, out: frozenset[int], *, exchange: bool) -> _Changes:
         return _Changes(out, value, self.critical**2 if self.best else None, exchange)
 
-    def _sweep(self, given: RowsGiven, out: frozenset[int], *, anew: bool = False) -> _Changes:
+    def _sweep(
+        self, given: RowsGiven, out: frozenset[int], *, anew: bool = False, share: float = 1.0
+    ) -> _Changes:
         """Let the rule decide in every place with a conspicuous row.
 
         With `anew` also in every place with a row that is out, as if all of its own were in.
+        `share`: of what may be in doubt that is.
         """
         gone = np.array(sorted(out), dtype=np.intp)
         size = standardized(given, [*out, *self.held])
@@ -292,7 +313,7 @@ class _Sweeps:
         top, first = np.zeros(len(numbers)), np.zeros(len(numbers))
         np.maximum.at(top, at, np.where(bad[rows], size[rows], 0.0))
         np.maximum.at(first, at, np.nan_to_num(size[rows]))
-        reach = given.reach(numbers) * np.sqrt(self.share)
+        reach = given.reach(numbers) * np.sqrt(share)
         doubts = Doubts(top, reach, given.touching(numbers))
         # what the largest row of a place leaves in doubt, its rows do
         waits = ~np.isin(numbers, given.places_of(gone))
@@ -436,6 +457,19 @@ class _Changes:
                 last,
             )
         self.steps.append(step)
+
+    def first_alone(self, out: frozenset[int], seen: Collection[frozenset[int]]) -> _Changes:
+        """Return the first step that leads from `out` to a set not seen yet; none: no such step."""
+        alone = _Changes(out, self._value, self._cost, self.exchange)
+        for step in () if self.exchange else self.steps:
+            mine = frozenset(step.rows)
+            there = out - mine if step.action == "drop" else out | mine
+            if there not in seen:
+                before = self.steps[0].before
+                after = before + step.after - step.before
+                alone.out, alone.steps = there, [step._replace(before=before, after=after)]
+                break
+        return alone
 
 
 def _begun(place: Place, out: frozenset[int]) -> Elimination:

@@ -93,7 +93,10 @@ def found_apart(
         size[[*end.rows, *left_out]] = np.nan
         if np.nanmax(size, initial=0.0) > critical_normal(settings.alpha):
             end = end._replace(remarks=(*end.remarks, stopped_at(most, settings.most)))
-    return _findings(system, strategy, settings, left_out, apart, end)
+    # of a pass that changes something nobody asks for more than what it rejects
+    same = {*end.rows, *left_out} == {*apart.without.begun, *left_out}
+    last = not end.rows if apart.draft else same
+    return _findings(system, strategy, settings, left_out, apart, end, last=last)
 
 
 def found_apart_at(
@@ -107,7 +110,7 @@ def found_apart_at(
     rows = tuple(sorted(findings.rows))
     given = apart.without.adjusted(sorted({*rows, *left_out}))
     end = ApartEnd(given, rows, list(findings.steps), findings.remarks)
-    return _findings(system, findings.strategy, settings, left_out, apart, end)
+    return _findings(system, findings.strategy, settings, left_out, apart, end, last=True)
 
 
 def _findings(
@@ -117,12 +120,12 @@ def _findings(
     left_out: Collection[int],
     apart: Apart,
     end: ApartEnd,
+    *,
+    last: bool,
 ) -> Findings:
     n = len(system.e)
     e, r = system.e, system.r
     if left_out:
-        # of a draft that rejects something nobody asks for more than what it rejects
-        last = not (apart.draft and end.rows)
         begun = (apart.without.adjusted if last else apart.without.drafted)(sorted(left_out))
         e, r = begun.e.copy(), begun.r.copy()
         e[list(left_out)], r[list(left_out)] = 0.0, 0.0
