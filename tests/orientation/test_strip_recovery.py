@@ -154,6 +154,20 @@ def test_converged_means_that_the_next_undamped_correction_is_nothing(seed, poin
         assert np.abs(correction).max() < 1e-10
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_the_last_correction_is_made_and_leaves_the_rows_as_they_are(seed):
+    flight = fly(seed, 3, noise=0.005)
+    pair = pair_of(flight, 1, bridge_flight(flight, PROPAGATED)[0])
+    conditions = ConditionEquations(pair, "propagated")
+    found, _ = find_orientation(pair, conditions, None, 0.005)
+    rows = conditions.evaluate(found.solution.state)
+    size = np.abs(rows).max(axis=1)
+    assert (np.abs(found.solution.rows - rows).max(axis=1)[:6] < 1e-9 * size[:6]).all()
+    correction = np.linalg.solve(rows[:6] @ rows[:6].T, rows[:6] @ rows[6])
+    # of one below 1e-10 noise leaves some 1e-4
+    assert np.abs(correction).max() < 1e-12
+
+
 @settings(max_examples=30)
 @given(seeds)
 def test_cofactors_of_the_unknowns_against_numerical_derivatives(seed):
