@@ -8,7 +8,7 @@ from any attitude is the seed. What has grown is laid onto all control at once.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,6 +30,7 @@ __all__ = [
     "approximate_ways",
     "doubtful",
     "extended_state",
+    "grown_whole",
     "laid_onto_control",
     "restricted",
     "state_of",
@@ -231,15 +232,34 @@ def laid_onto_control(
     State or None
         None when control does not suffice, or what is lacking cannot be added.
     """
-    rays, by_photo = unit_rays(problem), rays_of_photos(problem)
     subblock = _taken_over(problem, free, state)
     if not to_ground(problem, subblock):
         if not some:
             return None
         to_some_ground(problem, subblock)
-    _grow(problem, subblock, rays, by_photo, [], None)
-    if not subblock.oriented.all():
-        return None
+    return grown_whole(problem, subblock)
+
+
+def grown_whole(
+    problem: Problem,
+    subblock: SubBlock,
+    others: Sequence[SubBlock] = (),
+    otherwise: BlockState | None = None,
+) -> BlockState | None:
+    """Return a part of a block, grown by other parts and by photos.
+
+    Photos that cannot be added are as `otherwise` has them; None where there is no such state, or
+    none could be added.
+    """
+    rays, by_photo = unit_rays(problem), rays_of_photos(problem)
+    before = int(subblock.oriented.sum())
+    _grow(problem, subblock, rays, by_photo, others, None)
+    missing = ~subblock.oriented
+    if missing.any():
+        if otherwise is None or len(missing) - missing.sum() == before:
+            return None
+        subblock.centres[missing] = otherwise.centres[missing] + otherwise.origin
+        subblock.rotations[missing] = otherwise.rotations[missing]
     return state_of(problem, _completed(problem, subblock, rays))
 
 
@@ -314,7 +334,7 @@ def _grow(
     ground: SubBlock,
     rays: Array,
     by_photo: list[Index],
-    others: list[SubBlock],
+    others: Sequence[SubBlock],
     progress: Progress | None,
 ) -> None:
     """Add photos, points and parts to the ground sub-block until nothing more can be added."""

@@ -25,6 +25,7 @@ from anaplot.bundle.start.approximate import (
 )
 from anaplot.bundle.start.freenetwork import from_free_network
 from anaplot.bundle.start.pull import foreseen_torn, minimum_nearby, torn
+from anaplot.bundle.start.regrown import regrown
 from anaplot.bundle.start.robust import (
     RobustState,
     Waiting,
@@ -158,6 +159,12 @@ def best_minimum(
             return found, None, by_lens
         # the start hangs less on the last digits than where a search among gross errors ended
         solution = robust(start, structure)
+        while solution is not None and not solution.explains(problem):
+            again = regrown(problem, solution.state)
+            other = None if again is None else robust(again, structure)
+            if again is None or other is None or other.off >= solution.off:
+                break
+            start, solution = again, other
         if (
             found is not None
             and solution is not None

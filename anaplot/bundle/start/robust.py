@@ -22,6 +22,7 @@ from anaplot.bundle.start.subblock import SubBlock, intersect_rays, rays_of_phot
 from anaplot.errors import NotComputableError
 
 __all__ = [
+    "OFF",
     "FarOff",
     "RobustState",
     "RobustSuspect",
@@ -34,11 +35,13 @@ __all__ = [
 ]
 
 
+OFF = 20.0
+"""Sigmas by which a ray or control is off."""
+
 _ROBUST = 1e-4  # of n: squared change of the whitened residuals where robust steps end
 _STEPS = 12
 _AGREED = "where most measurements agree, sigma0 is"
 _RESECTED = 30  # photos that are resected at most when a culprit is looked for
-_OFF = 20.0  # sigmas by which a ray or control is off
 _FEW = 200  # rays of which one may be off in any case
 _SCATTERED = 0.05  # of the redundancy: coordinates that may be off, as long as no photo has more
 _OF_A_PHOTO = 0.25  # than this share of its rays off
@@ -362,8 +365,8 @@ def robust_state(
     """
     state, held, least = _robust(problem, structure, start, progress)
     image, control, *_ = _misfits(problem, held, state)
-    off = control > _OFF * np.nan_to_num(np.nanmax(np.where(held, least, 0.0), axis=1))
-    rays_off = image > _OFF * problem.sigma
+    off = control > OFF * np.nan_to_num(np.nanmax(np.where(held, least, 0.0), axis=1))
+    rays_off = image > OFF * problem.sigma
     return RobustState(
         _with_fixed(problem, state),
         float(np.median(image)),
@@ -381,7 +384,7 @@ def _with_fixed(problem: Problem, state: BlockState) -> BlockState:
 
 def _off(problem: Problem, image: Array) -> int:
     """Count the rays that are off by more than 20 times their sigma."""
-    return int((image > _OFF * problem.sigma).sum())
+    return int((image > OFF * problem.sigma).sum())
 
 
 def _robust(
