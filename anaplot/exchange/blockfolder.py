@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 from anaplot.errors import InputError
 from anaplot.exchange.blocktoml import (
@@ -40,6 +41,7 @@ from anaplot.textfiles.wording import place, reason
 __all__ = [
     "IMAGE_POINTS_CSV",
     "MORE_FILES",
+    "PointsFound",
     "block_files",
     "check_for_bridge",
     "clear_image_points",
@@ -60,6 +62,21 @@ CONTROL_CSV = "control.csv"
 MORE_FILES = (DISTANCES_CSV, CONDITIONS_CSV)
 
 MAX_TOML_BYTES = 64_000_000
+
+
+class PointsFound(NamedTuple):
+    """What was read of an image_points.csv.
+
+    Attributes
+    ----------
+    rows
+        Its rows.
+    digest
+        As `image_points_digest` has it.
+    """
+
+    rows: Iterable[ImagePoint]
+    digest: str | None
 
 
 def read_block(folder: str | os.PathLike[str]) -> Block:
@@ -163,7 +180,10 @@ def _digest(data: bytes) -> str:
 
 
 def write_image_points(
-    folder: Path, points: Iterable[ImagePoint], block: Block | None = None
+    folder: Path,
+    points: Iterable[ImagePoint],
+    block: Block | None = None,
+    found: PointsFound | None = None,
 ) -> str:
     """Write image_points.csv whole and atomically, in place of the one before.
 
@@ -178,6 +198,8 @@ def write_image_points(
     block
         The block that they belong to: its cameras say what is written where they have pixels or
         a lens. None: the file before is not looked at.
+    found
+        What was read of the file before. While that is what it says, it is not read again.
 
     Returns
     -------
@@ -196,7 +218,9 @@ def write_image_points(
     else:
         from anaplot.exchange.imagepointscsv import reformat_image_points
 
-        text = reformat_image_points(path, points, block)
+        raw = read_bytes(path, MAX_CSV_BYTES)
+        there = found.rows if found is not None and found.digest == _digest(raw) else None
+        text = reformat_image_points(path, raw, points, block, there)
         data = _bounded(path, text.encode(), MAX_CSV_BYTES)
     replace_whole(path, data)
     return _digest(data)

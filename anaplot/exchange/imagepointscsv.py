@@ -6,12 +6,13 @@ import math
 from codecs import BOM_UTF8
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
 from anaplot.aliases import Array, Index
 from anaplot.errors import InputError
-from anaplot.exchange.keptrows import Columns, rewritten
+from anaplot.exchange.keptrows import Columns, rewritten, unchanged_ends
 from anaplot.photogrammetry.block import Block, Camera, ImagePoint, Strip
 from anaplot.photogrammetry.imagepoints import ImagePoints
 from anaplot.photogrammetry.measuredimage import (
@@ -33,7 +34,7 @@ from anaplot.photogrammetry.pointcolumns import (
 )
 from anaplot.photogrammetry.selection import model_name, model_splits
 from anaplot.textfiles.csvtable import MAX_CSV_BYTES, CsvColumns, csv_text_of_columns, read_csv
-from anaplot.textfiles.inputfile import decoded, open_input, read_bytes
+from anaplot.textfiles.inputfile import decoded, open_input
 from anaplot.textfiles.kinds import (
     NAME,
     NUMBER,
@@ -61,6 +62,7 @@ __all__ = [
 _PIXELS = ("x_px", "y_px")
 _HEADER = 10_000  # bytes
 _BESIDE = 0.5  # px that a coordinate may lie outside the image: programs differ by so much
+_key = attrgetter("photo", "point", "model")
 _USE = Word("xy", "x", "y", "off")
 
 
@@ -219,19 +221,27 @@ def format_image_points(points: Iterable[ImagePoint], block: Block | None = None
     )
 
 
-def reformat_image_points(path: Path, points: Iterable[ImagePoint], block: Block) -> str:
+def reformat_image_points(
+    path: Path,
+    raw: bytes,
+    points: Iterable[ImagePoint],
+    block: Block,
+    found: Iterable[ImagePoint] | None = None,
+) -> str:
     """Return the text of an image_points.csv that is there already, with other rows.
 
     What has not changed stands there as it stood: line ends, order of columns, digits.
 
     Parameters
     ----------
-    path
-        The file.
+    path, raw
+        The file, and what stands in it.
     points
         The rows.
     block
         As `format_image_points` has it, and as `parse_image_points`.
+    found
+        The rows that the file has, where they are known: only those that change are looked at.
 
     Raises
     ------
@@ -241,12 +251,20 @@ def reformat_image_points(path: Path, points: Iterable[ImagePoint], block: Block
     rows = points if isinstance(points, ImagePoints) else ImagePoints(points)
     if points_in_pixels(path) != block.in_pixels:
         return format_image_points(rows, block)
-    if not _surely_writable(rows):
+    first, old, new = 0, None, rows
+    if found is not None:
+        there = ImagePoints(found).rows
+        first, behind = unchanged_ends(there, rows.rows)
+        old, new = (ImagePoints(every[first : len(every) - behind]) for every in (there, rows.rows))
+        kept = (*rows[:first], *rows[len(rows) - behind :])
+        if not (_surely_writable(new) and set(map(_key, new)).isdisjoint(map(_key, kept))):
+            _check_rows(rows)
+    elif not _surely_writable(rows):
         _check_rows(rows)
-    raw = read_bytes(path, MAX_CSV_BYTES)
-    mark = BOM_UTF8.decode() if raw.startswith(BOM_UTF8) else ""
-    text = mark + decoded(raw, path)
-    return rewritten(text, _written(parse_image_points(path, block), block), _written(rows, block))
+    text = (BOM_UTF8.decode() if raw.startswith(BOM_UTF8) else "") + decoded(raw, path)
+    if old is None:
+        old = parse_image_points(path, block)
+    return rewritten(text, _written(old, block), _written(new, block), first)
 
 
 def _written(rows: ImagePoints, block: Block) -> Columns:
@@ -426,7 +444,7 @@ def _check_rows(rows: Iterable[ImagePoint]) -> None:
     seen: set[tuple[str, str, str | None]] = set()
     for row in rows:
         _check_writable(row)
-        key = (row.photo, row.point, row.model)
+        key = _key(row)
         if key in seen:
             raise _unwritable(row, "stands twice")
         seen.add(key)

@@ -8,22 +8,26 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from operator import attrgetter
 
+from anaplot.photogrammetry.imagepoint import ImagePoint
 from anaplot.textfiles.csvlines import CsvLine, CsvLines, cell_value, cells_of, with_value
 
-__all__ = ["Columns", "rewritten"]
+__all__ = ["Columns", "rewritten", "unchanged_ends"]
 
 # columns that may be missing, and what a blank field of them says
 _MAY_MISS = {"sigma_um": None, "model": None, "use": "xy", "reason": None}
 _KEY = ("photo", "point", "model")
 _SWITCHES = ("reason", "use")
+_STEP = 512  # rows that are compared at a time
+_measured = attrgetter("measured")
 
 
 Columns = Mapping[str, Sequence[str | float | None]]
 """What rows say by columns: photo, point, both coordinates, and those that may be missing."""
 
 
-def rewritten(text: str, old: Columns, new: Columns) -> str:
+def rewritten(text: str, old: Columns, new: Columns, first: int = 0) -> str:
     """Return the text of a file with other rows.
 
     Columns that are added stand where nobody puts them: `reason,use` at the end where both are,
@@ -35,37 +39,47 @@ def rewritten(text: str, old: Columns, new: Columns) -> str:
     text
         The file as it is.
     old, new
-        What its rows say, and what they are to say; the same columns in both.
+        What its rows say, and what they are to say; the same columns in both. Rows before and
+        behind those of `old` stay.
+    first
+        Where in the file those of `old` begin.
     """
     lines = CsvLines.of(text)
     header = cells_of(lines.header.text)
     names = list(map(cell_value, header))
-    first, last = _added(names, new)
-    places = {name: k for k, name in enumerate((*first, *names, *last))}
+    before, behind = _added(names, new)
+    rows = lines.rows
+    if before or behind:
+        rows = [_widened(raw, len(before), len(behind)) for raw in rows]
+    places = {name: k for k, name in enumerate((*before, *names, *behind))}
     sources = _sources(old, new)
-    changed = _changed(old, new, sources)
+    last = first + len(old["photo"])
+    if isinstance(sources, range):
+        changing = rows[first:last]
+    else:
+        fresh = "," * (len(places) - 1) + lines.end
+        changing = [fresh if source is None else rows[first + source] for source in sources]
     whole: str | None = None
-    fresh = CsvLine("", "," * (len(names) - 1), lines.end)
-    # blank fields of columns that are added
-    before, behind = "," * len(first), "," * len(last)
-    out: list[CsvLine] = []
-    for k, source in enumerate(sources):
-        line = fresh if source is None else lines.rows[source]
-        if first or last:
-            line = CsvLine(line.above, f"{before}{line.text}{behind}", line.end)
-        if k in changed:
-            cells = cells_of(line.text)
-            for name, value in changed[k].items():
-                if name not in places:
-                    continue
-                said = "" if value is None else value if isinstance(value, str) else repr(value)
-                if name == "use" and value == "xy":
-                    whole = _word_for_whole(lines, names) if whole is None else whole
-                    said = whole
-                cells[places[name]] = with_value(cells[places[name]], said)
-            line = line._replace(text=",".join(cells))
-        out.append(line)
-    return lines.with_rows(*_without_blank_columns(",".join((*first, *header, *last)), out))
+    for k, said_of in _changed(old, new, sources).items():
+        line = CsvLine.of(changing[k])
+        cells = cells_of(line.text)
+        for name, value in said_of.items():
+            if name not in places:
+                continue
+            said = "" if value is None else value if isinstance(value, str) else repr(value)
+            if name == "use" and value == "xy":
+                whole = _word_for_whole(lines, names) if whole is None else whole
+                said = whole
+            cells[places[name]] = with_value(cells[places[name]], said)
+        changing[k] = line._replace(text=",".join(cells)).raw
+    out = [*rows[:first], *changing, *rows[last:]]
+    return lines.with_rows(*_without_blank_columns(",".join((*before, *header, *behind)), out))
+
+
+def _widened(raw: str, before: int, behind: int) -> str:
+    """Return a line with blank fields of columns that are added."""
+    line = CsvLine.of(raw)
+    return line._replace(text=f"{',' * before}{line.text}{',' * behind}").raw
 
 
 def _sources(old: Columns, new: Columns) -> Sequence[int | None]:
@@ -109,18 +123,42 @@ def _word_for_whole(lines: CsvLines, names: Sequence[str]) -> str:
     if "use" not in names:
         return ""
     at = names.index("use")
-    values = Counter(cell_value(cells_of(line.text)[at]) for line in lines.rows)
+    values = Counter(cell_value(cells_of(CsvLine.of(raw).text)[at]) for raw in lines.rows)
     return "xy" if values["xy"] > values[""] else ""
 
 
-def _without_blank_columns(header: str, rows: list[CsvLine]) -> tuple[str, list[CsvLine]]:
+def _without_blank_columns(header: str, rows: list[str]) -> tuple[str, list[str]]:
     """Leave out the columns that were added, where nothing stands in them any more."""
     names = header.split(",")
     if tuple(names[-2:]) == _SWITCHES:
-        if all(line.text.endswith(",,") for line in rows):
+        if all(CsvLine.of(raw).text.endswith(",,") for raw in rows):
             return header[: -len(",reason,use")], [
-                line._replace(text=line.text[:-2]) for line in rows
+                line._replace(text=line.text[:-2]).raw for line in map(CsvLine.of, rows)
             ]
-    elif names[0] in _SWITCHES and all(line.text.startswith(",") for line in rows):
-        return header[len(names[0]) + 1 :], [line._replace(text=line.text[1:]) for line in rows]
+    elif names[0] in _SWITCHES and all(CsvLine.of(raw).text.startswith(",") for raw in rows):
+        return header[len(names[0]) + 1 :], [
+            line._replace(text=line.text[1:]).raw for line in map(CsvLine.of, rows)
+        ]
     return header, rows
+
+
+def unchanged_ends(old: Sequence[ImagePoint], new: Sequence[ImagePoint]) -> tuple[int, int]:
+    """Return how many rows at the beginning, and of the others at the end, are as they were.
+
+    The same objects are not looked into.
+    """
+    first = _unchanged(old, new)
+    return first, _unchanged(old[first:][::-1], new[first:][::-1])
+
+
+def _unchanged(old: Sequence[ImagePoint], new: Sequence[ImagePoint]) -> int:
+    """Return how many rows at the beginning are as they were."""
+    count, most = 0, min(len(old), len(new))
+    for step in (_STEP, 1):
+        while count < most:
+            ours, theirs = new[count : count + step], old[count : count + step]
+            # what stands in the file is no part of what makes rows equal
+            if ours != theirs or list(map(_measured, ours)) != list(map(_measured, theirs)):
+                break
+            count += step
+    return min(count, most)

@@ -31,8 +31,8 @@ _BEFORE = re.compile(
 
 def said_by(reason: str | None) -> SwitchedBy | None:
     """Return the strategy whose reason that is; None of a person's, and where there is none."""
-    match = None if reason is None else _BEFORE.fullmatch(reason)
-    return next((s for s in STRATEGIES if match is not None and s == match["name"]), None)
+    match = _BEFORE.fullmatch(reason) if reason else None
+    return None if match is None else next((s for s in STRATEGIES if s == match["name"]), None)
 
 
 def rejects(row: ImagePoint) -> bool:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Self
 
 from anaplot.exchange.blockfolder import (
+    PointsFound,
     image_points_digest,
     read_block,
     write_image_points,
@@ -116,7 +117,8 @@ class PointsFile:
         self.once |= measured_once(models)
         rows = merged_rows(found, models, self.of_session, reasons, self.once)
         if _recorded(rows) != _recorded(found):
-            digest = write_image_points(self._folder, rows, self.block)
+            there = PointsFound(found, digest)
+            digest = write_image_points(self._folder, rows, self.block, there)
         self.block = replace(self.block, image_points=rows)
         self._digest = digest
         self._written = models, reasons
@@ -135,11 +137,12 @@ class PointsFile:
 
 def _recorded(rows: Iterable[ImagePoint]) -> list[ImagePoint]:
     """Return rows with the coordinates that a session knows them by."""
-    out = []
-    for row in rows:
-        x, y = computed_place(row)
-        out.append(row if row.measured is None else replace(row, x=x, y=y))
-    return out
+    return [row if row.measured is None else _as_known(row) for row in rows]
+
+
+def _as_known(row: ImagePoint) -> ImagePoint:
+    x, y = computed_place(row)
+    return replace(row, x=x, y=y)
 
 
 def _accepted(state: SessionState) -> _Written:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import csv
 import io
-import re
 from collections import Counter
+from collections.abc import Sequence
 from typing import NamedTuple, Self
 
 __all__ = ["CsvLine", "CsvLines", "cell_value", "cells_of", "with_value"]
 
-_ENDS = re.compile(r"(\r\n|\r|\n)")
 _MARK = "\ufeff"
 
 
@@ -31,6 +30,18 @@ class CsvLine(NamedTuple):
     text: str
     end: str
 
+    @classmethod
+    def of(cls, raw: str) -> Self:
+        """Return a line with the blank ones before it."""
+        *above, line = _lines_of(raw) or [""]
+        text = line.rstrip("\r\n")
+        return cls("".join(above), text, line[len(text) :])
+
+    @property
+    def raw(self) -> str:
+        """The line with the blank ones before it, as it stands."""
+        return f"{self.above}{self.text}{self.end}"
+
 
 class CsvLines(NamedTuple):
     """The text of a CSV file by lines.
@@ -42,49 +53,70 @@ class CsvLines(NamedTuple):
     header
         Its first line.
     rows
-        The line of every row.
+        The line of every row with the blank ones before it, as it stands; also the last has an end.
     below
         Blank lines at the end.
+    ended
+        Whether the last line has an end in the text.
     """
 
     mark: str
     header: CsvLine
-    rows: tuple[CsvLine, ...]
+    rows: list[str]
     below: str
+    ended: bool
 
     @classmethod
     def of(cls, text: str) -> Self:
         """Return the lines of a text that `read_csv` takes."""
         mark = _MARK if text.startswith(_MARK) else ""
-        parts = [*_ENDS.split(text[len(mark) :]), ""]
-        header = CsvLine("", *parts[:2])
-        rows: list[CsvLine] = []
-        above = ""
-        for line, end in zip(parts[2::2], parts[3::2], strict=True):
-            if not line or line.isspace():
-                above += line + end
-            else:
-                rows.append(CsvLine(above, line, end))
-                above = ""
-        return cls(mark, header, tuple(rows), above)
+        header, *rows = _lines_of(text[len(mark) :]) or [""]
+        below = ""
+        if any(map(str.isspace, rows)):
+            rows, below = _behind_blank_lines(rows)
+        lines = cls(mark, CsvLine.of(header), rows, below, ended=True)
+        if CsvLine.of(rows[-1] if rows else header).end:
+            return lines
+        end = lines.end
+        if rows:
+            rows[-1] += end
+        else:
+            lines = lines._replace(header=lines.header._replace(end=end))
+        return lines._replace(ended=False)
 
     @property
     def end(self) -> str:
         """How most of its lines end."""
-        ends = Counter(line.end for line in (self.header, *self.rows) if line.end)
-        return ends.most_common(1)[0][0] if ends else "\n"
+        if not self.header.end.startswith("\r") and not any("\r" in raw for raw in self.rows):
+            return "\n"
+        ends = Counter((self.header.end, *(CsvLine.of(raw).end for raw in self.rows)))
+        del ends[""]
+        return ends.most_common(1)[0][0]
 
-    def with_rows(self, header: str, rows: list[CsvLine]) -> str:
+    def with_rows(self, header: str, rows: Sequence[str]) -> str:
         """Return the text with another header and other rows; the last line ends as it did."""
-        old = (self.header, *self.rows)
-        ended = bool(self.below or old[-1].end)
-        lines = [self.header._replace(text=header), *rows]
-        parts = [self.mark]
-        for line in lines:
-            parts += (line.above, line.text, line.end or self.end)
-        if not ended:
-            parts.pop()
-        return "".join((*parts, self.below))
+        lines = [self.header._replace(text=header).raw, *rows]
+        if not self.ended:
+            lines[-1] = CsvLine.of(lines[-1])._replace(end="").raw
+        return "".join((self.mark, *lines, self.below))
+
+
+def _lines_of(text: str) -> list[str]:
+    """Return the lines of a text with their ends."""
+    return io.StringIO(text, newline="").readlines()
+
+
+def _behind_blank_lines(lines: list[str]) -> tuple[list[str], str]:
+    """Return lines with the blank ones before each, and the blank ones at the end."""
+    out: list[str] = []
+    above = ""
+    for line in lines:
+        if line.isspace():
+            above += line
+        else:
+            out.append(above + line)
+            above = ""
+    return out, above
 
 
 def cells_of(line: str) -> list[str]:

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import csv
+import re
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,10 +13,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from anaplot.errors import InputError
-from anaplot.exchange.blockfolder import read_block, write_image_points
-from anaplot.exchange.keptrows import Columns, rewritten
+from anaplot.exchange.blockfolder import (
+    PointsFound,
+    image_points_digest,
+    read_block,
+    write_image_points,
+)
+from anaplot.exchange.imagepointscsv import reformat_image_points
+from anaplot.exchange.keptrows import Columns, rewritten, unchanged_ends
 from anaplot.photogrammetry.block import ImagePoint
-from anaplot.textfiles.csvlines import CsvLines, cell_value, cells_of, with_value
+from anaplot.textfiles.csvlines import CsvLine, CsvLines, cell_value, cells_of, with_value
 
 TOML = """format = 1
 name = "b"
@@ -75,6 +84,71 @@ def test_a_file_that_cannot_be_read_is_not_written_over(tmp_path: Path) -> None:
     assert (folder / "image_points.csv").read_text() == "photo,point,x,y\n1,p,one,2\n"
 
 
+# of every row of the file: it stays, is another object that says the same, moves, or goes
+DONE = st.lists(st.sampled_from(["same", "equal", "moved", "gone"]), min_size=4, max_size=4)
+FRESH = st.lists(st.integers(0, 4), max_size=2)
+
+
+@given(DONE, FRESH, st.sampled_from(["\n", "\r\n", "\r"]), st.booleans())
+def test_rows_that_are_known_are_not_read_again_and_written_the_same(
+    tmp_path_factory: pytest.TempPathFactory,
+    done: list[str],
+    fresh: list[int],
+    end: str,
+    ended: bool,
+) -> None:
+    text = FILE.replace("\r\n", end) + (end if ended else "")
+    folder = folder_with(tmp_path_factory.mktemp("b"), text)
+    block = read_block(folder)
+    made: dict[str, Callable[[ImagePoint], list[ImagePoint]]] = {
+        "same": lambda row: [row],
+        "equal": lambda row: [replace(row)],
+        "moved": lambda row: [replace(row, x=row.x + 1.0)],
+        "gone": lambda row: [],
+    }
+    rows = [
+        row for what, old in zip(done, block.image_points, strict=True) for row in made[what](old)
+    ]
+    for k, at in enumerate(fresh):
+        rows.insert(min(at, len(rows)), ImagePoint("1", f"n{k}", 1.0, 2.0, use="x"))
+    path = folder / "image_points.csv"
+    raw = path.read_bytes()
+    known = reformat_image_points(path, raw, rows, block, block.image_points)
+    assert known == reformat_image_points(path, raw, rows, block)
+    if rows:  # without any there is no photo
+        path.write_bytes(known.encode())
+        assert read_block(folder).image_points == tuple(rows)
+
+
+def test_a_file_that_changed_meanwhile_is_read_again(tmp_path: Path) -> None:
+    folder = folder_with(tmp_path, FILE)
+    block = read_block(folder)
+    found = PointsFound(block.image_points, image_points_digest(folder))
+    (folder / "image_points.csv").write_text("photo,point,y,x\n1,p,-2,1.50\n")
+    write_image_points(folder, [block.image_points[0]], block, found)
+    assert (folder / "image_points.csv").read_text() == "photo,point,y,x\n1,p,-2,1.50\n"
+
+
+def test_a_row_that_stands_among_those_that_stay_is_refused(tmp_path: Path) -> None:
+    folder = folder_with(tmp_path, FILE)
+    block = read_block(folder)
+    found = PointsFound(block.image_points, image_points_digest(folder))
+    again = replace(block.image_points[0], x=7.0)
+    with pytest.raises(InputError, match="point 'p' of photo '1' cannot be written: stands twice"):
+        write_image_points(folder, [*block.image_points, again], block, found)
+    assert (folder / "image_points.csv").read_bytes() == FILE.encode()
+
+
+def test_ends_that_do_not_change_are_those_that_say_the_same_in_the_file() -> None:
+    old = [ImagePoint("1", str(k), 0.5, 1.5, measured=(2.0, 3.0)) for k in range(1300)]
+    assert unchanged_ends(old, [replace(row) for row in old]) == (1300, 0)
+    new = [*old[:700], replace(old[700], measured=(2.0, 3.5)), *old[701:]]
+    assert unchanged_ends(old, new) == (700, 599)
+    assert unchanged_ends(old, [*old, old[0]]) == (1300, 0)
+    assert unchanged_ends(old, old[3:]) == (0, 1297)
+    assert unchanged_ends(old, []) == unchanged_ends([], old) == (0, 0)
+
+
 CELLS = st.text(st.sampled_from('ab", \t'), max_size=5)
 FIELDS = st.lists(st.tuples(CELLS, st.booleans(), st.sampled_from(["", " ", "  "])), min_size=2)
 
@@ -105,7 +179,10 @@ def test_fields_are_cut_as_they_are_read(fields: list[tuple[str, bool, str]], va
 )
 def test_lines_make_the_same_text(text: str, mark: str) -> None:
     lines = CsvLines.of(f"{mark}photo,point{text}")
-    assert lines.with_rows(lines.header.text, list(lines.rows)) == f"{mark}photo,point{text}"
+    assert lines.with_rows(lines.header.text, lines.rows) == f"{mark}photo,point{text}"
+    texts = re.split(r"\r\n|\r|\n", text)[1:]
+    said = [line for line in texts if line and not line.isspace()]
+    assert [CsvLine.of(raw).text for raw in lines.rows] == said
 
 
 NAMES = ("photo", "point", "x", "y", "sigma_um", "model", "use", "reason")
@@ -164,8 +241,8 @@ def test_back_and_forth_is_the_same_file(
     there = rewritten(text, old, new)
     lines = CsvLines.of(there)
     header = cells_of(lines.header.text)
-    for line, wanted in zip(lines.rows, after, strict=False):
-        read = dict(zip(header, map(cell_value, cells_of(line.text)), strict=True))
+    for raw, wanted in zip(lines.rows, after, strict=False):
+        read = dict(zip(header, map(cell_value, cells_of(CsvLine.of(raw).text)), strict=True))
         assert (read.get("use") or "xy", read.get("reason", "")) == wanted
     assert len(lines.rows) == count
     assert rewritten(there, new, old).replace('"', "") == text.replace('"', "")
