@@ -1,17 +1,17 @@
-"""Modules of others that SciPy has loaded with it, and nobody asks for: loaded when they are used.
+"""Modules of others that SciPy takes with it, and nobody asks for: loaded when they are used.
 
 The first import of SciPy copies every name of NumPy, and with that loads its compiler of Fortran
-and its tests: a fifth of what NumPy and SciPy take together. Here each of them is a module that is
-found at once, and runs when something in it is looked up. With `importlib.util.LazyLoader` a second
-thread that looks sees the module half run, before Python 3.12.3; here it waits.
+and its tests: a fifth of what NumPy and SciPy take together. Here each of these names stands for
+its module, and imports it when something in it is looked up. Only the name waits: the module itself
+is imported as every other one is, so threads, failures and children of a package are Python's own.
 """
 
 from __future__ import annotations
 
+import importlib
 import sys
 from collections.abc import Collection, Sequence
 from importlib.machinery import ModuleSpec, PathFinder
-from threading import RLock
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, cast
 
@@ -24,77 +24,74 @@ UNASKED = frozenset({"numpy.ctypeslib", "numpy.f2py", "numpy.testing"})
 """Full names of the modules."""
 
 
-class _NotYetRun(ModuleType):
-    """A module that runs when something in it is looked up."""
+class _Standing(ModuleType):
+    """Stands in a package for a module of it, until that is imported, and answers from it."""
 
-    def __getattribute__(self, name: str) -> Any:
-        _run(self)
-        return ModuleType.__getattribute__(self, name)
+    def __getattr__(self, name: str) -> Any:
+        try:
+            module = importlib.import_module(self.__name__)
+        except ImportError as error:
+            # Python asks for such names by itself, and takes no other error for a no
+            if name.startswith("__") and name.endswith("__"):
+                raise AttributeError(f"{self.__name__} has no {name}: {error}") from error
+            raise
+        return getattr(module, name)
 
     def __setattr__(self, name: str, value: Any) -> None:
-        _run(self)
-        ModuleType.__setattr__(self, name, value)
+        setattr(importlib.import_module(self.__name__), name, value)
 
     def __delattr__(self, name: str) -> None:
-        _run(self)
-        ModuleType.__delattr__(self, name)
+        delattr(importlib.import_module(self.__name__), name)
+
+    def __dir__(self) -> list[str]:
+        return dir(importlib.import_module(self.__name__))
+
+    def __repr__(self) -> str:
+        return f"<module {self.__name__!r}, imported when it is used>"
 
 
-class _WhenUsed:
-    """Loads a module later, once, in the first thread that looks; what it looks up itself is there.
+class _WithNames:
+    """Loads a package, and lets names in it stand for modules that it has not loaded itself.
 
     Parameters
     ----------
     loader
-        Loads it then.
+        Loads the package.
+    names
+        The modules' full names.
     """
 
-    def __init__(self, loader: Loader) -> None:
+    def __init__(self, loader: Loader, names: Collection[str]) -> None:
         self._loader = loader
-        self._turn = RLock()
-        self._running = False
+        self._names = names
 
     def create_module(self, spec: ModuleSpec) -> ModuleType | None:
         """Return what its own loader makes."""
         return self._loader.create_module(spec)
 
     def exec_module(self, module: ModuleType) -> None:
-        """Let it wait; to all others its loader is its own one."""
+        """Run it; to all others its loader is its own one."""
         spec = module.__spec__
         assert spec is not None
         spec.loader = module.__loader__ = self._loader
-        spec.loader_state = self
-        module.__class__ = _NotYetRun
-
-    def run(self, module: ModuleType) -> None:
-        """Run it, where that is not done or being done by this thread; wait while another does."""
-        with self._turn:
-            if type(module) is not _NotYetRun or self._running:
-                return
-            self._running = True
-            try:
-                self._loader.exec_module(module)
-                ModuleType.__setattr__(module, "__class__", ModuleType)
-            finally:
-                self._running = False
-
-
-def _run(module: ModuleType) -> None:
-    state = ModuleType.__getattribute__(module, "__spec__").loader_state
-    state.run(module)
+        self._loader.exec_module(module)
+        for name in self._names:
+            vars(module).setdefault(name.rpartition(".")[2], _Standing(name))
 
 
 class _OnDemand:
-    """Finds some modules before everybody else.
+    """Finds packages before everybody else, where modules in them are to wait.
 
     Parameters
     ----------
     names
-        Their full names.
+        The modules' full names.
     """
 
     def __init__(self, names: Collection[str]) -> None:
-        self._names = names
+        self._names: dict[str, list[str]] = {}
+        for name in sorted(names):
+            self._names.setdefault(name.rpartition(".")[0], []).append(name)
 
     def find_spec(
         self, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
@@ -104,10 +101,10 @@ class _OnDemand:
             return None
         spec = PathFinder.find_spec(name, path, target)
         if spec is not None and spec.loader is not None:
-            spec.loader = cast("Loader", _WhenUsed(spec.loader))
+            spec.loader = cast("Loader", _WithNames(spec.loader, self._names[name]))
         return spec
 
 
 def load_on_demand(names: Collection[str] = UNASKED) -> None:
-    """Load them from now on when they are used; for a process that is the program, no library."""
+    """Load them when they are used; for a process that is the program, before it loads others."""
     sys.meta_path.insert(0, _OnDemand(names))
