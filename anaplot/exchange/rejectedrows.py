@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
+from itertools import takewhile
 from typing import cast, get_args
 
 from anaplot.aliases import Axis, SwitchedBy
+from anaplot.errors import InputError
 from anaplot.photogrammetry.block import ImagePoint, Use
+from anaplot.textfiles.wording import quoted
 
 __all__ = [
     "STRATEGIES",
     "as_before",
+    "chain",
+    "last_times",
     "rejected_axes",
     "rejecting_reason",
     "rejects",
@@ -21,9 +26,11 @@ __all__ = [
 ]
 
 STRATEGIES: tuple[SwitchedBy, ...] = get_args(SwitchedBy)
+# more than that nobody has applied: a higher number is a person's own text
+_MAX_TIME = 9999
 # before a strategy's name alone the row counted whole, and nobody had said anything of it
 _BEFORE = re.compile(
-    r"(?P<name>\w+)(; apply: (?P<time>[1-9][0-9]{0,5}))?"
+    r"(?P<name>\w+)(; apply: (?P<time>[1-9][0-9]{0,3}))?"
     r"(; before: (?P<use>xy|x|y)(, (?P<reason>.*))?)?",
     re.DOTALL,
 )
@@ -51,7 +58,15 @@ def rejecting_reason(strategy: SwitchedBy, use: Use, reason: str | None, time: i
         Of the row before.
     time
         Which time it is that the strategy's rejections are applied, from 1.
+
+    Raises
+    ------
+    InputError
+        The time could not be read again.
     """
+    if time > _MAX_TIME:
+        last = f"{strategy}; apply: {_MAX_TIME}"
+        raise InputError(f"reason {quoted(last)} is the last: no row goes after that one")
     again = "" if time == 1 else f"; apply: {time}"
     before = "" if use == "xy" and reason is None else f"; before: {use}"
     return strategy + again + before + ("" if reason is None else f", {reason}")
@@ -64,10 +79,38 @@ def times_applied(rows: Iterable[ImagePoint]) -> dict[SwitchedBy, int]:
     """
     times: dict[SwitchedBy, int] = {}
     for row in rows:
-        while (strategy := said_by(row.reason)) is not None:
-            times[strategy] = max(times.get(strategy, 1), _time(row.reason))
-            row = _one_before(row)
+        for strategy, time in chain(row):
+            times[strategy] = max(times.get(strategy, 1), time)
     return times
+
+
+def last_times(rows: Iterable[ImagePoint], strategies: Collection[str]) -> dict[SwitchedBy, int]:
+    """Return which time of some strategies is to be taken back first.
+
+    That is the latest of those above which no other strategy has switched off anything.
+    Where times were written by hand so that none is before all others, it is the latest of those
+    that were the last of their rows.
+    """
+    every: dict[SwitchedBy, int] = {}
+    tops: dict[SwitchedBy, int] = {}
+    chains = [said for said in map(chain, rows) if said]
+    for said in chains:
+        for strategy, time in takewhile(lambda one: one[0] in strategies, said):
+            every[strategy] = max(every.get(strategy, 1), time)
+        strategy, time = said[0]
+        if strategy in strategies:
+            tops[strategy] = max(tops.get(strategy, 1), time)
+    follow = any(every.get(said[0][0]) == said[0][1] for said in chains)
+    return every if follow else tops
+
+
+def chain(row: ImagePoint) -> list[tuple[SwitchedBy, int]]:
+    """Return which strategies have switched off something of a row, the last first, and when."""
+    out: list[tuple[SwitchedBy, int]] = []
+    while (strategy := said_by(row.reason)) is not None:
+        out.append((strategy, _time(row.reason)))
+        row = _one_before(row)
+    return out
 
 
 def as_before(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
+from itertools import takewhile
 from pathlib import Path
 from typing import cast
 
@@ -16,8 +17,9 @@ from anaplot.exchange.lockfile import sessions_kept_out
 from anaplot.exchange.rejectedrows import (
     STRATEGIES,
     as_before,
+    chain,
+    last_times,
     rejecting_reason,
-    said_by,
     times_applied,
 )
 from anaplot.photogrammetry.block import ImagePoint
@@ -126,9 +128,9 @@ def _undone(options: argparse.Namespace, output: Output, before: Sequence[ImageP
     _write(options.block, before, rows)
     count = sum(now != then for now, then in zip(rows, before, strict=True))
     said = f"{counted(count, 'image point is', 'image points are')} as before --apply"
-    left = sum(said_by(row.reason) in names for row in rows)
+    left = _left(rows, names)
     if left:
-        said += f" ({left} of an earlier one stay off)"
+        said += f" ({left})"
     try:
         # the page tells of the block as the file has it: nothing goes again
         found = computed(argparse.Namespace(**{**vars(options), "thin": None}), adjust)
@@ -194,8 +196,25 @@ def _without(row: ImagePoint, axes: set[str], strategy: Strategy, time: int) -> 
 def taken_back(rows: Iterable[ImagePoint], strategies: Iterable[str]) -> tuple[ImagePoint, ...]:
     """Return rows as they were before some strategies' rejections were last applied."""
     rows, names = tuple(rows), tuple(strategies)
-    times = times_applied(rows)
+    times = last_times(rows, names)
     return tuple(as_before(row, names, times) for row in rows)
+
+
+def _left(rows: Iterable[ImagePoint], names: Collection[str]) -> str:
+    """Return what of some strategies was not taken back, and why."""
+    earlier, beneath, others = 0, 0, set[str]()
+    for said in map(chain, rows):
+        by = [strategy for strategy, _ in said]
+        above = list(takewhile(lambda strategy: strategy not in names, by))
+        earlier += bool(by) and not above
+        if above and len(above) < len(by):
+            beneath += 1
+            others.update(above)
+    parts = [f"{earlier} of an earlier one stay off"] if earlier else []
+    if beneath:
+        verb = "lies" if beneath == 1 else "lie"
+        parts.append(f"{beneath} {verb} beneath {', '.join(sorted(others))}: take that back first")
+    return "; ".join(parts)
 
 
 def _write(folder: Path, before: Sequence[ImagePoint], rows: Sequence[ImagePoint]) -> None:

@@ -165,6 +165,76 @@ def test_only_what_was_applied_last_is_taken_back(
     assert all(row.use == "xy" for row in read_block(folder).image_points)
 
 
+def switched(folder: Path, said: dict[str, tuple[str, str]]) -> None:
+    """Write rows of photo 11 with other uses and reasons."""
+    rows = [
+        replace(row, use=said[row.point][0], reason=said[row.point][1])  # type: ignore[arg-type]
+        if row.photo == "11" and row.point in said
+        else row
+        for row in read_block(folder).image_points
+    ]
+    (folder / "image_points.csv").write_bytes(format_image_points(rows).encode())
+
+
+def uses(folder: Path) -> dict[str, tuple[str, str | None]]:
+    rows = read_block(folder).image_points
+    return {row.point: (row.use, row.reason) for row in rows if row.use != "xy"}
+
+
+def test_what_lies_beneath_another_strategy_is_told(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    above = ("off", "huber; before: y, search; apply: 2")
+    switched(folder, {"p6": above, "p7": ("off", "search")})
+    undo = ["adjust", str(folder), "--errors", "search", "--apply-undo"]
+    for count in ("1 image point is", "0 image points are"):
+        assert cli.main(undo) == 0
+        said = "as before --apply (1 lies beneath huber: take that back first) in image_points.csv"
+        assert capsys.readouterr().out.splitlines()[0] == f"{count} {said}"
+        assert uses(folder) == {"p6": above}
+    assert cli.main(["adjust", str(folder), "--errors", "huber", "--apply-undo"]) == 0
+    assert uses(folder) == {"p6": ("y", "search; apply: 2")}
+    capsys.readouterr()
+    assert run(capsys, folder, "--apply-undo")["taken_back"] == 1
+    assert uses(folder) == {}
+
+
+def test_a_time_that_is_too_high_is_a_persons_own_text(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    own = {"p6": ("off", "search; apply: 10000"), "p7": ("off", "tau; apply: 9999")}
+    switched(folder, own)
+    before = (folder / "image_points.csv").read_bytes()
+    assert run(capsys, folder, "--errors", "search", "--apply")["applied"] == 1
+    assert uses(folder) == {**own, "p8": ("x", "search")}
+    assert run(capsys, folder, "--errors", "search", "--apply-undo")["taken_back"] == 1
+    assert (folder / "image_points.csv").read_bytes() == before
+    # none could be written after the last
+    assert cli.main(["adjust", str(folder), "--errors", "tau", "--apply"]) == 2
+    assert "reason 'tau; apply: 9999' is the last: no row goes" in capsys.readouterr().err
+    assert (folder / "image_points.csv").read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        {"p6": ("off", "search; before: y, search; apply: 2")},
+        {
+            "p6": ("off", "tau; before: x, l1; apply: 2"),
+            "p7": ("off", "l1; before: y, tau; apply: 2"),
+        },
+    ],
+)
+def test_times_that_no_program_wrote_are_taken_back_one_by_one(
+    folder: Path, said: dict[str, tuple[str, str]]
+) -> None:
+    switched(folder, said)
+    rows = read_block(folder).image_points
+    for _ in range(4):
+        rows = taken_back(rows, STRATEGIES)
+    assert all(row.use == "xy" and row.reason is None for row in rows)
+
+
 @pytest.mark.parametrize("columns", [("model",), ("use",), ("reason", "model"), ("use", "reason")])
 @pytest.mark.parametrize("mark", [b"", b"\xef\xbb\xbf"])
 def test_a_file_is_taken_back_to_the_byte(
