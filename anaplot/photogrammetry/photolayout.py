@@ -148,6 +148,8 @@ def laid_out(image_points: Iterable[ImagePoint]) -> dict[str, PhotoPlace]:
     at = at - middle[photo]
     spread = np.bincount(photo, np.abs(at)) / count
     overlaps = _overlaps(names, photo, point, at)
+    if overlaps is None:
+        return {}
     return {names[k]: place for k, place in _placed(overlaps, middle, spread).items()}
 
 
@@ -185,8 +187,8 @@ class _Overlaps(NamedTuple):
         )
 
 
-def _overlaps(names: tuple[str, ...], photo: Index, point: Index, at: Complex) -> _Overlaps:
-    """Return the overlaps that say something.
+def _overlaps(names: tuple[str, ...], photo: Index, point: Index, at: Complex) -> _Overlaps | None:
+    """Return the overlaps that say something; None where no two photographs have enough in common.
 
     Parameters
     ----------
@@ -212,6 +214,8 @@ def _overlaps(names: tuple[str, ...], photo: Index, point: Index, at: Complex) -
     once, there, square = rays(np.ones(len(at))), rays(at), rays(np.abs(at) ** 2)
     common = triu(once @ once.T, 1).tocoo()
     enough = common.data >= _FEWEST
+    if not enough.any():
+        return None  # SciPy takes no elements of a product as another kind of matrix
     i, j, n = common.row[enough], common.col[enough], common.data[enough]
 
     def of_pairs(product: csr_matrix) -> tuple[Array, Array]:

@@ -274,6 +274,27 @@ def test_photos_are_laid_out_where_they_were_exposed() -> None:
         np.testing.assert_allclose(steps, 92.0, atol=14.0)
 
 
+@pytest.mark.parametrize("common", [None, 0, 1, 3])
+def test_photos_with_few_points_in_common_are_not_laid_out(
+    common: int | None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    block = measured(1, 3)
+    shared = [row.point for row in block.image_points if row.photo == "102"]
+    shared = [p for p in shared if (p, "101") in {(r.point, r.photo) for r in block.image_points}]
+    kept = set(shared[: common or 0])
+    rows = tuple(
+        row
+        for row in block.image_points
+        if row.photo == "101" or (common is not None and row.photo == "102" and row.point in kept)
+    )
+    assert laid_out(rows) == {}
+    written(tmp_path / "b", replace(block, image_points=rows))
+    assert main(["status", str(tmp_path / "b")]) == 0
+    assert "101" in capsys.readouterr().out
+    # control makes a photo by itself
+    assert main(["adjust", str(tmp_path / "b")]) in (0, 4)
+
+
 @pytest.mark.slow
 def test_the_commands_name_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = tmp_path / "b"

@@ -109,6 +109,12 @@ def best_minimum(
             closest = _Closest(solution, structure)
         return solution
 
+    def grown(solution: RobustState) -> BlockState | None:
+        try:
+            return regrown(problem, solution.state)
+        except (NotComputableError, np.linalg.LinAlgError):
+            return None
+
     ways = approximate_ways(problem)
     if first is not None:
         ways.insert(0, Way(lambda _: first))
@@ -158,9 +164,10 @@ def best_minimum(
         if found is not None and by_lens is not None:
             return found, None, by_lens
         # the start hangs less on the last digits than where a search among gross errors ended
+        begun = start
         solution = robust(start, structure)
         while solution is not None and not solution.explains(problem):
-            again = regrown(problem, solution.state)
+            again = grown(solution)
             other = None if again is None else robust(again, structure)
             if again is None or other is None or other.off >= solution.off:
                 break
@@ -169,7 +176,7 @@ def best_minimum(
             found is not None
             and solution is not None
             and solution.control_off == 0
-            and led_from_stated(problem, start, found.state)
+            and led_from_stated(problem, begun, found.state)
         ):
             # two witnesses for the orientations: what does not fit, does so for another reason
             break

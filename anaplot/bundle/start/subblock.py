@@ -268,9 +268,8 @@ def _met(subblock: SubBlock, rays: Array, photo: Index, point: Index) -> Array:
         with np.errstate(invalid="ignore", divide="ignore"):
             miss = squares / np.einsum("in,in->n", away, away)
             known = miss[np.isfinite(miss)]
-            # of squares: the median is that of what they are squares of
-            scale = max(9.0 * float(np.median(known)), 1e-18) if len(known) else 1.0
-            weight = np.nan_to_num(1.0 / (1.0 + miss / scale), nan=1.0)
+            scale = max(3.0 * float(np.median(np.sqrt(known))), 1e-9) if len(known) else 1.0
+            weight = np.nan_to_num(1.0 / (1.0 + miss / scale**2), nan=1.0)
         sums = np.add.reduceat(rows * weight, first, axis=1)
     return np.asarray(_solved(sums).T + origin)
 
