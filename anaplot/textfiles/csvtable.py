@@ -21,7 +21,8 @@ __all__ = ["MAX_CSV_BYTES", "CsvColumns", "csv_text", "csv_text_of_columns", "re
 
 MAX_CSV_BYTES = 256_000_000
 
-_BLOCK = 1 << 20  # characters that are held as text at a time
+_READ = 1 << 20  # characters that are read at a time
+_BLOCK = 1 << 15  # characters that are taken apart at a time: their fields stay in the cache
 _ROWS = 1 << 14  # rows that are made text at a time
 _BLANKS = " \t\v\f\r\x1c\x1d\x1e\x1f"  # all that strip takes of ASCII text, but for line ends
 _QUOTED = ('"', ",", "\n", "\r")
@@ -270,9 +271,14 @@ def _blocks(path: Path, file: io.TextIOWrapper) -> Iterator[tuple[int, str]]:
     try:
         text = file.readline()
         while text:
-            yield number, text.removesuffix("\n")
-            number += text.count("\n")
-            text = file.read(_BLOCK) + file.readline()
+            begin = 0
+            while begin < len(text):
+                end = text.find("\n", begin + _BLOCK) + 1 or len(text)
+                block = text[begin:end]
+                yield number, block.removesuffix("\n")
+                number += block.count("\n")
+                begin = end
+            text = file.read(_READ) + file.readline()
     except UnicodeDecodeError:
         raise not_utf8(path, _line_not_utf8(path)) from None
     except OSError as error:

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from anaplot.errors import InputError
 from anaplot.exchange.imagepointscsv import format_image_points
 from anaplot.photogrammetry.block import ImagePoint, image_points
+from anaplot.textfiles import csvtable
 from anaplot.textfiles.csvtable import csv_text, read_csv
 from anaplot.textfiles.kinds import NUMBER, SIGMA, Text, WrongValueError
 
@@ -72,6 +73,30 @@ def test_blanks_and_quotes_around_fields_change_nothing(
         )
     assert clean == rows
     assert other == rows
+
+
+LINES = st.lists(
+    st.sampled_from(["p,1.5,q", "", "  ", '"r, s",-2,t', "\u00e4,3e0, u"]), max_size=12
+)
+
+
+@given(LINES, st.integers(1, 40), st.integers(1, 40), st.booleans(), st.integers(0, 12))
+def test_where_a_file_is_cut_into_blocks_changes_nothing(
+    lines: list[str], size: int, at_once: int, ended: bool, fault: int
+) -> None:
+    text = "\n".join(["a,b,c", *lines]) + "\n" * ended
+    wrong = "\n".join(["a,b,c", *lines[:fault], "p,one,q", *lines[fault:]])
+    line = min(fault, len(lines)) + 2
+    with TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patch:
+        whole = read(folder, text)
+        patch.setattr(csvtable, "_BLOCK", size)
+        patch.setattr(csvtable, "_READ", at_once)
+        assert read(folder, text) == whole
+        with pytest.raises(InputError, match=rf"line {line}: b: must be a finite number"):
+            read(folder, wrong)
+        table = read_csv(Path(folder) / "table.csv", {**KINDS, "b": Text()})
+        there = [k for k, one in enumerate(wrong.split("\n"), 1) if one.strip()]
+        assert [table.line(row) for row in range(len(table))] == there[1:]
 
 
 @pytest.mark.parametrize("width", [2, 4, 5])
