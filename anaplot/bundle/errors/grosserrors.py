@@ -41,7 +41,12 @@ from anaplot.bundle.errors.misfits import (
     points_gone,
 )
 from anaplot.bundle.errors.misnamed import MisnamedRay, misnamed_rays
-from anaplot.bundle.errors.photosofrejected import PhotoLoss, losses_of_photos
+from anaplot.bundle.errors.photosofrejected import (
+    HardlyChecked,
+    PhotoLoss,
+    hardly_checked_photos,
+    losses_of_photos,
+)
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.linearised import counted_misclosures
@@ -170,12 +175,22 @@ class BlockFindings(Cleaned[BlockPlace, ObservationName, BlockResiduals]):
         return losses_of_photos(self.block.problem, self.out, self.rays_of_points)
 
     @property
+    def hardly_checked(self) -> list[HardlyChecked]:
+        """Photos that have lost rays, and of whose others less than one checks the place."""
+        return hardly_checked_photos(self.block.problem, self.out, self.rays_of_points)
+
+    @property
     def remarks(self) -> tuple[str, ...]:
         """Sentences: what limited the search, and photos that something is wrong with."""
-        losses = self.photo_losses
-        more = [f"{len(losses) - _MOST_PHOTOS} more photos lose as many"]
-        said = [one.sentence for one in losses[:_MOST_PHOTOS]]
-        return (*super().remarks, *said, *more[: len(losses) > _MOST_PHOTOS])
+        said = list(super().remarks)
+        for photos, are_more in (
+            (self.photo_losses, "lose as many"),
+            (self.hardly_checked, "are checked as little"),
+        ):
+            said += [one.sentence for one in photos[:_MOST_PHOTOS]]
+            if len(photos) > _MOST_PHOTOS:
+                said.append(f"{len(photos) - _MOST_PHOTOS} more photos {are_more}")
+        return tuple(said)
 
     @property
     def came_back(self) -> tuple[ObservationName, ...]:

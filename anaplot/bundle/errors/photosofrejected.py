@@ -1,8 +1,11 @@
-"""Photos that lose more of their rays than the rest of a block: something is wrong with the photo.
+"""Photos that lose many of their rays: something is wrong with the photo, or its place.
 
 Errors that hit rays by chance spread over the photos. If rays are rejected with the rate p of all
 other photos, one of n rays loses k or more with the probability of the binomial distribution; where
 that is less than the significance shared by all photos (Bonferroni), chance does not explain it.
+
+Any three rays of a photo fit some place of it. Where the rays left check each other by less than
+one ray, those that were rejected may be the right ones.
 """
 
 from __future__ import annotations
@@ -16,8 +19,15 @@ from scipy.special import bdtrc
 from anaplot.aliases import Index
 from anaplot.bundle.solve.observations import ObservationName
 from anaplot.bundle.solve.problem import Problem
+from anaplot.bundle.start.placedagain import hardly_checked
 
-__all__ = ["PhotoLoss", "beyond_chance", "losses_of_photos"]
+__all__ = [
+    "HardlyChecked",
+    "PhotoLoss",
+    "beyond_chance",
+    "hardly_checked_photos",
+    "losses_of_photos",
+]
 
 _FEWEST = 3  # rays: two are what one interchange of names costs
 _SIGNIFICANCE = 0.001  # that any photo of a block is named where all is chance
@@ -52,6 +62,30 @@ class PhotoLoss(NamedTuple):
         )
 
 
+class HardlyChecked(NamedTuple):
+    """A photo that has lost rays until nothing tells whether these or the others are wrong.
+
+    Attributes
+    ----------
+    photo
+        Its name.
+    lost, rays
+        Rays of which x or y is rejected, or whose points are left out, of how many.
+    """
+
+    photo: str
+    lost: int
+    rays: int
+
+    @property
+    def sentence(self) -> str:
+        """What is said of it."""
+        return (
+            f"less than one ray checks where photo {self.photo} is: {self.lost} of its {self.rays} "
+            "rays are out, and those left may fit another place as well; measure more points in it"
+        )
+
+
 def losses_of_photos(
     problem: Problem, rejected: Iterable[ObservationName], left_out: Iterable[str] = ()
 ) -> list[PhotoLoss]:
@@ -66,6 +100,43 @@ def losses_of_photos(
     left_out
         The photos of rays that are out with their points, and none of the bundle's: one each.
     """
+    lost, rays = _counted(problem, rejected, left_out)
+    return [
+        PhotoLoss(
+            problem.photos[k],
+            int(lost[k]),
+            int(rays[k]),
+            int(lost.sum() - lost[k]),
+            int(rays.sum() - rays[k]),
+        )
+        for k in beyond_chance(lost, rays).tolist()
+    ]
+
+
+def hardly_checked_photos(
+    problem: Problem, rejected: Iterable[ObservationName], left_out: Iterable[str] = ()
+) -> list[HardlyChecked]:
+    """Return the photos that lose rays and of whose others less than one checks the place.
+
+    Parameters
+    ----------
+    problem, rejected, left_out
+        As for `losses_of_photos`; the bundle lacks what is rejected.
+    """
+    lost, rays = _counted(problem, rejected, left_out)
+    counts = np.ones(len(problem.photo), dtype=bool)
+    if problem.rejected is not None:
+        counts &= ~problem.rejected.any(axis=1)
+    return [
+        HardlyChecked(problem.photos[k], int(lost[k]), int(rays[k]))
+        for k in np.flatnonzero((lost > 0) & hardly_checked(problem, counts)).tolist()
+    ]
+
+
+def _counted(
+    problem: Problem, rejected: Iterable[ObservationName], left_out: Iterable[str]
+) -> tuple[Index, Index]:
+    """(photos,) rays lost, and of how many."""
     rays = np.bincount(problem.photo, minlength=len(problem.photos))
     number = {name: k for k, name in enumerate(problem.photos)}
     gone = {name[1:4] for name in rejected if name[0] == "image"}
@@ -78,16 +149,7 @@ def losses_of_photos(
         if photo in number:
             lost[number[photo]] += 1
             rays[number[photo]] += 1
-    return [
-        PhotoLoss(
-            problem.photos[k],
-            int(lost[k]),
-            int(rays[k]),
-            int(lost.sum() - lost[k]),
-            int(rays.sum() - rays[k]),
-        )
-        for k in beyond_chance(lost, rays).tolist()
-    ]
+    return lost, rays
 
 
 def beyond_chance(lost: Index, rays: Index) -> Index:

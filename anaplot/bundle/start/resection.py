@@ -9,7 +9,7 @@ import numpy as np
 from anaplot.aliases import Array, Index
 from anaplot.photogrammetry.collinearity import project_with_derivatives, turns
 
-__all__ = ["Resection", "resect", "three_point_resection"]
+__all__ = ["Resection", "image_misses", "resect", "three_point_resection"]
 
 _SAMPLES = 80  # half of the triples that are tried
 _JUDGES = 60  # points by which triples are judged at most
@@ -143,7 +143,7 @@ def resect(xy: Array, c: float, points: Array) -> Resection | None:
         centres, rotations, _ = three_point_resection(rays[some], points[some])
         if len(centres) == 0:
             continue
-        error = _residuals(centres, rotations, c, points[judges], xy[judges])
+        error = image_misses(centres, rotations, c, points[judges], xy[judges])
         middle = np.partition(error, at, axis=1)[:, at]
         if middle.min() < _AGREED * c:
             break
@@ -153,7 +153,7 @@ def resect(xy: Array, c: float, points: Array) -> Resection | None:
     centres, rotations = _refine(centres[best], rotations[best], c, points[judges], xy[judges])
     if len(judges) < n:
         centres, rotations = _refine(centres, rotations, c, points, xy)
-    residual = _residuals(centres, rotations, c, points, xy)[0]
+    residual = image_misses(centres, rotations, c, points, xy)[0]
     if not float(np.sort(residual)[: max(4, (3 * n) // 4)].mean()) < np.inf:
         return None
     return Resection(centres[0], rotations[0], residual)
@@ -168,8 +168,23 @@ def _spread_triples(xy: Array, rng: np.random.Generator) -> Index:
     return index[np.argsort(-area)[: 2 * _SAMPLES]]
 
 
-def _residuals(centres: Array, rotations: Array, c: float, points: Array, xy: Array) -> Array:
-    """(k, n) distances in the image [mm]; infinite for points behind the photo."""
+def image_misses(centres: Array, rotations: Array, c: float, points: Array, xy: Array) -> Array:
+    """Return how far points are seen from where they were measured.
+
+    Parameters
+    ----------
+    centres, rotations
+        (k, 3) and (k, 3, 3) places of one photo.
+    c
+        Camera constant [mm].
+    points, xy
+        (n, 3) ground points and (n, 2) image coordinates [mm].
+
+    Returns
+    -------
+    (k, n) floats
+        Distances in the image [mm]; infinite for points behind the photo.
+    """
     away = points[None] - centres[:, None]
     u = np.matmul(away, rotations)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -209,7 +224,7 @@ def _refine(
 
 def _capped(centres: Array, rotations: Array, c: float, points: Array, xy: Array) -> Array:
     """(k, n) distances in the image [mm], a million behind the photo."""
-    return np.minimum(_residuals(centres, rotations, c, points, xy), 1e6)
+    return np.minimum(image_misses(centres, rotations, c, points, xy), 1e6)
 
 
 def _step(

@@ -17,6 +17,7 @@ from anaplot.bundle.solve.normal import NormalEquations, PointError
 from anaplot.bundle.solve.openmovement import held_by_noise, undetermined
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.structure import Structure
+from anaplot.bundle.start.placedagain import placed_again
 from anaplot.bundle.start.resection import resect
 from anaplot.bundle.start.subblock import SubBlock, intersect_rays, rays_of_photos, unit_rays
 from anaplot.errors import NotComputableError
@@ -261,7 +262,7 @@ class _Clearest(NamedTuple):
 
 
 def _clearest(problem: Problem, structure: Structure, start: BlockState) -> _Clearest:
-    """Return the robust solution that leaves fewer rays off, with and without new orientations."""
+    """Return the robust solution that leaves fewest rays off, with and without new orientations."""
     state, held, least = _robust(problem, structure, start)
     misfits = _misfits(problem, held, state)
     off = _off(problem, misfits.image)
@@ -269,6 +270,12 @@ def _clearest(problem: Problem, structure: Structure, start: BlockState) -> _Cle
         again, _, _ = _robust(problem, structure, reoriented(problem, start))
         others = _misfits(problem, held, again)
         if _off(problem, others.image) <= off:
+            state, misfits = again, others
+    placed = placed_again(problem, state, OFF * problem.sigma)
+    if placed is not None:
+        again, _, _ = _robust(problem, structure, placed)
+        others = _misfits(problem, held, again)
+        if _off(problem, others.image) < _off(problem, misfits.image):
             state, misfits = again, others
     return _Clearest(state, held, least, misfits)
 
