@@ -184,6 +184,39 @@ def test_a_keyword_is_checked_as_the_option_is(keywords: dict[str, Any], words: 
     assert "\n" not in str(caught.value)
 
 
+def described() -> list[tuple[str, Any]]:
+    """Return the names of docs/api.md, of classes each public method apart."""
+    page = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
+    names = re.findall(r"^\.\. auto(?:function|class|exception):: anaplot\.(\w+)$", page, re.M)
+    found = [(name, getattr(anaplot, name)) for name in names]
+    [members] = re.findall(r"automodule:: anaplot\.report\.plan\n +:members: (.*)$", page, re.M)
+    found += [(name, getattr(anaplot.plan, name)) for name in members.split(", ")]
+    for name, one in tuple(found):
+        if inspect.isclass(one):
+            of_class = ((key, getattr(value, "fget", value)) for key, value in vars(one).items())
+            found += [
+                (f"{name}.{key}", value)
+                for key, value in of_class
+                if inspect.isfunction(value) and (key == "__init__" or not key.startswith("_"))
+            ]
+    return found
+
+
+def test_the_types_of_every_name_can_be_asked_for() -> None:
+    asked = described()
+    assert len(asked) > 50
+    unknown: dict[str, set[str]] = {}
+    for name, one in asked:
+        try:
+            get_type_hints(one)
+            if inspect.isfunction(one):
+                inspect.signature(one, eval_str=True)
+        except NameError as error:
+            unknown.setdefault(error.name, set()).add(name)
+    # what need not be installed
+    assert unknown == {"pandas": {"Computed.to_frame"}}
+
+
 def test_what_cannot_be_searched_with_is_said_before_the_block_is_read() -> None:
     with pytest.raises(anaplot.InputError, match=r"--errors: no 'tua' \(did you mean 'tau'\?\)"):
         anaplot.find_gross_errors("nowhere", "tua")  # type: ignore[arg-type]

@@ -89,6 +89,11 @@ class JournalRecord(NamedTuple):
     line: int
     durable: bool | None = None
 
+    def __repr__(self) -> str:
+        """Return what and where it is, without what a device or a person said."""
+        at = f"{self.file}:{self.line}"
+        return f"<JournalRecord {self.seq} {self.kind!r} of {self.time!r}, {at!r}>"
+
 
 def encode_line(
     seq: int, time: str, kind: str, payload: Mapping[str, Any], durable: bool | None = None

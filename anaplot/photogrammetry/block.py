@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 from anaplot.aliases import TestKind
 from anaplot.photogrammetry.airandearth import AirAndEarth
@@ -13,10 +13,8 @@ from anaplot.photogrammetry.groundsystem import GroundSystem
 from anaplot.photogrammetry.imagepoint import ImagePoint, Use, image_points
 from anaplot.photogrammetry.imagepoints import ImagePoints
 from anaplot.photogrammetry.objectconditions import ObjectCondition
+from anaplot.photogrammetry.posterior import Posterior
 from anaplot.photogrammetry.prioroffsets import PriorOffsets
-
-if TYPE_CHECKING:
-    from anaplot.photogrammetry.posterior import Posterior
 
 __all__ = [
     "Block",

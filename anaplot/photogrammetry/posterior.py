@@ -1,7 +1,8 @@
 """Coordinates of points and photos with their full covariance: what one adjustment leaves another.
 
 The state |X, C| of the parameters before and after an experiment (Figure 1 of the Bayesian paper):
-what one adjustment leaves is what the next begins with.
+what one adjustment leaves is what the next begins with. A block may name one without having any:
+NumPy is loaded where there are numbers.
 """
 
 from __future__ import annotations
@@ -9,8 +10,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
-
-import numpy as np
 
 from anaplot.aliases import Array
 from anaplot.errors import InputError
@@ -102,6 +101,8 @@ class Posterior:
     source: str = "what is given"
 
     def __post_init__(self) -> None:
+        import numpy as np
+
         q, c = len(self.names), self.covariance
         if self.x.shape != (q,) or c.shape != (q, q):
             raise InputError(
@@ -142,6 +143,8 @@ class Posterior:
         InputError
             There is none of that name, or nothing else.
         """
+        import numpy as np
+
         known = [
             owner for name in self.names for owner in (name.owner, f"{name.kind}:{name.owner}")
         ]

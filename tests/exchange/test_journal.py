@@ -42,6 +42,13 @@ def measured(n: int) -> PointMeasured:
     return PointMeasured("101", "102", str(n), 0.1 * n, -92.0, 1.0 / 3.0, 4.0, "pedal")
 
 
+def test_a_record_is_shown_without_what_a_device_said():
+    line = recordline.encode_line(7, "2026-01-02T03:04:05.678Z", "raw", {"bytes": "secret"})
+    record, _ = recordline.decode_line(line.rstrip(b"\n"), "0001.jsonl", 3)
+    assert record.payload == {"bytes": "secret"}
+    assert repr(record) == f"<JournalRecord 7 'raw' of '{record.time}', '0001.jsonl:3'>"
+
+
 def test_a_new_journal_begins_with_its_header(block):
     journal, recovered = Journal.open(block, HEADER, clock=lambda: 1_000_000_000.1239)
     with journal:
