@@ -6,9 +6,10 @@ import math
 from codecs import BOM_UTF8
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
+from io import BytesIO
 from operator import attrgetter
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from anaplot.aliases import Array, Index
 from anaplot.errors import InputError
@@ -82,7 +83,7 @@ class _Reason(Text):
 _REASON = _Reason(empty=False)
 
 
-def parse_image_points(path: Path, block: Block) -> ImagePoints:
+def parse_image_points(path: Path, block: Block, raw: bytes | None = None) -> ImagePoints:
     """Read an image_points.csv.
 
     Parameters
@@ -92,6 +93,8 @@ def parse_image_points(path: Path, block: Block) -> ImagePoints:
     block
         The block as its block.toml declares it: its photos, cameras and models. Without strips
         and with one camera, photos need not be declared.
+    raw
+        What stands in the file; None: it is opened.
 
     Returns
     -------
@@ -104,7 +107,7 @@ def parse_image_points(path: Path, block: Block) -> ImagePoints:
         The first row that is wrong, with file, line and column.
     """
     either = [{"x": NUMBER, "y": NUMBER}, dict.fromkeys(_PIXELS, NUMBER)]
-    table, of_photo = measured_rows(path, block, either)
+    table, of_photo = measured_rows(path, block, either, raw=raw)
     names = _PIXELS if _PIXELS[0] in table.header else ("x", "y")
     model, use, reason = (Coded.read(table.coded(name)) for name in ("model", "use", "reason"))
     columns = read_columns(
@@ -118,13 +121,17 @@ def parse_image_points(path: Path, block: Block) -> ImagePoints:
 
 
 def measured_rows(
-    path: Path, block: Block, either: Sequence[Fields], more: Fields | None = None
+    path: Path,
+    block: Block,
+    either: Sequence[Fields],
+    more: Fields | None = None,
+    raw: bytes | None = None,
 ) -> tuple[CsvColumns, dict[str, Camera]]:
     """Read a file of measured points, its coordinates as they stand there.
 
     Parameters
     ----------
-    path, block
+    path, block, raw
         As `parse_image_points`.
     either
         Columns of coordinates, see `read_csv`.
@@ -158,6 +165,7 @@ def measured_rows(
             **(more or {}),
         },
         either,
+        raw,
     )
     if named_here:
         of_photo.update(dict.fromkeys(table.coded("photo")[0], block.cameras[0]))
@@ -171,7 +179,11 @@ def measured_rows(
 def points_in_pixels(path: Path) -> bool:
     """Return whether an image_points.csv that could be read has x_px, y_px instead of x, y."""
     with open_input(path, MAX_CSV_BYTES) as file:
-        return _PIXELS[0].encode() in file.readline(_HEADER)
+        return _says_pixels(file)
+
+
+def _says_pixels(file: BinaryIO) -> bool:
+    return _PIXELS[0].encode() in file.readline(_HEADER)
 
 
 def format_image_points(points: Iterable[ImagePoint], block: Block | None = None) -> str:
@@ -249,7 +261,7 @@ def reformat_image_points(
         As `format_image_points`; the file cannot be read.
     """
     rows = points if isinstance(points, ImagePoints) else ImagePoints(points)
-    if points_in_pixels(path) != block.in_pixels:
+    if _says_pixels(BytesIO(raw)) != block.in_pixels:
         return format_image_points(rows, block)
     first, old, new = 0, None, rows
     if found is not None:
@@ -263,7 +275,8 @@ def reformat_image_points(
         _check_rows(rows)
     text = (BOM_UTF8.decode() if raw.startswith(BOM_UTF8) else "") + decoded(raw, path)
     if old is None:
-        old = parse_image_points(path, block)
+        # of the same bytes: lines of another file would be taken for these rows
+        old = parse_image_points(path, block, raw)
     return rewritten(text, _written(old, block), _written(new, block), first)
 
 

@@ -7,7 +7,7 @@ else are written, and rows that are new; a column that is missing for them is ad
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from operator import attrgetter
 
 from anaplot.photogrammetry.imagepoint import ImagePoint
@@ -31,8 +31,8 @@ def rewritten(text: str, old: Columns, new: Columns, first: int = 0) -> str:
     """Return the text of a file with other rows.
 
     Columns that are added stand where nobody puts them: `reason,use` at the end where both are,
-    one of them alone at the beginning. By that they are known, and left out again, once nothing
-    stands in them any more.
+    one of them alone at the beginning. By that they are known, and left out again with the last
+    that stands in them; columns of a person's own in which nothing stood stay.
 
     Parameters
     ----------
@@ -73,7 +73,9 @@ def rewritten(text: str, old: Columns, new: Columns, first: int = 0) -> str:
             cells[places[name]] = with_value(cells[places[name]], said)
         changing[k] = line._replace(text=",".join(cells)).raw
     out = [*rows[:first], *changing, *rows[last:]]
-    return lines.with_rows(*_without_blank_columns(",".join((*before, *header, *behind)), out))
+    wider = ",".join((*before, *header, *behind))
+    stood = {name for name in _SWITCHES if any(value != _MAY_MISS[name] for value in old[name])}
+    return lines.with_rows(*_without_blank_columns(wider, out, stood))
 
 
 def _widened(raw: str, before: int, behind: int) -> str:
@@ -127,15 +129,17 @@ def _word_for_whole(lines: CsvLines, names: Sequence[str]) -> str:
     return "xy" if values["xy"] > values[""] else ""
 
 
-def _without_blank_columns(header: str, rows: list[str]) -> tuple[str, list[str]]:
-    """Leave out the columns that were added, where nothing stands in them any more."""
+def _without_blank_columns(
+    header: str, rows: list[str], stood: Collection[str]
+) -> tuple[str, list[str]]:
+    """Leave out the columns that were added, where something stood and nothing does any more."""
     names = header.split(",")
     if tuple(names[-2:]) == _SWITCHES:
-        if all(CsvLine.of(raw).text.endswith(",,") for raw in rows):
+        if stood and all(CsvLine.of(raw).text.endswith(",,") for raw in rows):
             return header[: -len(",reason,use")], [
                 line._replace(text=line.text[:-2]).raw for line in map(CsvLine.of, rows)
             ]
-    elif names[0] in _SWITCHES and all(CsvLine.of(raw).text.startswith(",") for raw in rows):
+    elif names[0] in stood and all(CsvLine.of(raw).text.startswith(",") for raw in rows):
         return header[len(names[0]) + 1 :], [
             line._replace(text=line.text[1:]).raw for line in map(CsvLine.of, rows)
         ]

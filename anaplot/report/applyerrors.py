@@ -12,7 +12,13 @@ from typing import cast
 from anaplot.aliases import Strategy
 from anaplot.bundle.solve.observations import ORIENTATION, ObservationName
 from anaplot.errors import AnaplotError, InputError
-from anaplot.exchange.blockfolder import block_files, read_block, write_image_points
+from anaplot.exchange.blockfolder import (
+    PointsFound,
+    block_files,
+    image_points_digest,
+    read_block,
+    write_image_points,
+)
 from anaplot.exchange.lockfile import sessions_kept_out
 from anaplot.exchange.rejectedrows import (
     STRATEGIES,
@@ -218,9 +224,11 @@ def _left(rows: Iterable[ImagePoint], names: Collection[str]) -> str:
 
 
 def _write(folder: Path, before: Sequence[ImagePoint], rows: Sequence[ImagePoint]) -> None:
+    # first: what is written between the two is read anew
+    digest = image_points_digest(folder)
     block = read_block(folder)
     if block.image_points != before:
         path = folder / "image_points.csv"
         raise InputError(f"{place(path)}: has changed meanwhile, nothing is written")
     if rows != before:
-        write_image_points(folder, rows, block)
+        write_image_points(folder, rows, block, PointsFound(before, digest))

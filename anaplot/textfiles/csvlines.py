@@ -142,17 +142,28 @@ def cells_of(line: str) -> list[str]:
 
 def cell_value(cell: str) -> str:
     """Return what a field says, as `read_csv` reads it."""
-    if '"' in cell:
-        cell = next(csv.reader([cell], skipinitialspace=True))[0]
-    return cell.strip()
+    return _unquoted(cell).strip() if '"' in cell else cell.strip()
 
 
 def with_value(cell: str, value: str) -> str:
-    """Return a field that says something else; blanks around it stay, and quotes without need."""
-    inner = cell.strip()
-    before, after = (cell, "") if not inner else cell.split(inner, 1)
-    unasked = inner.startswith('"') and _quoted(cell_value(cell)) != inner
-    return f"{before}{_quoted(value, always=unasked)}{after}"
+    """Return a field that says something else; blanks around it stay, and quotes without need.
+
+    Before a quote only spaces are passed over, and nothing behind it: where quotes are needed,
+    other blanks stand within them.
+    """
+    inner = cell.lstrip(" ")
+    outside = cell[: len(cell) - len(inner)]
+    quoted = inner.startswith('"')
+    text = _unquoted(inner) if quoted else inner
+    said = text.strip()
+    before, after = text.split(said, 1) if said else (text, "")
+    if _quoted(value) != value or (quoted and _quoted(said) == said):
+        return outside + _quoted(f"{before}{value}{after}", always=True)
+    return f"{outside}{before}{value}{after}"
+
+
+def _unquoted(cell: str) -> str:
+    return next(csv.reader([cell], skipinitialspace=True))[0]
 
 
 def _quoted(value: str, *, always: bool = False) -> str:

@@ -174,6 +174,7 @@ def read_csv(
     required: Fields,
     optional: Fields | None = None,
     either: Sequence[Fields] = (),
+    raw: bytes | None = None,
 ) -> CsvColumns:
     """Read a CSV file of declared columns, which may stand in any order.
 
@@ -188,6 +189,8 @@ def read_csv(
         left out.
     either
         Groups of columns of which one must be there, whole, and none of the others.
+    raw
+        What stands in the file; None: it is opened.
 
     Raises
     ------
@@ -200,7 +203,8 @@ def read_csv(
         kinds |= group
     starts: list[tuple[int, int]] = [(0, 2)]
     count = 0
-    with io.TextIOWrapper(open_input(path, MAX_CSV_BYTES), encoding="utf-8-sig") as file:
+    source = open_input(path, MAX_CSV_BYTES) if raw is None else io.BytesIO(raw)
+    with io.TextIOWrapper(source, encoding="utf-8-sig") as file:
         blocks = _blocks(path, file)
         header = _header(path, next(blocks, (1, ""))[1], kinds, required, either)
         columns = {

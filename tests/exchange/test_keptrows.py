@@ -13,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from anaplot.errors import InputError
+from anaplot.exchange import imagepointscsv
 from anaplot.exchange.blockfolder import (
     PointsFound,
     image_points_digest,
@@ -21,6 +22,7 @@ from anaplot.exchange.blockfolder import (
 )
 from anaplot.exchange.imagepointscsv import reformat_image_points
 from anaplot.exchange.keptrows import Columns, rewritten, unchanged_ends
+from anaplot.exchange.rejectedrows import rejecting_reason
 from anaplot.photogrammetry.block import ImagePoint
 from anaplot.textfiles.csvlines import CsvLine, CsvLines, cell_value, cells_of, with_value
 
@@ -183,6 +185,66 @@ def test_lines_make_the_same_text(text: str, mark: str) -> None:
     texts = re.split(r"\r\n|\r|\n", text)[1:]
     said = [line for line in texts if line and not line.isspace()]
     assert [CsvLine.of(raw).text for raw in lines.rows] == said
+
+
+BLANKS = st.text(" \t\u00a0\u3000", max_size=2)
+SPACES = st.text(" ", max_size=2)
+SAID = st.one_of(
+    st.builds("{}{}{}".format, BLANKS, st.sampled_from(["", "ok", "so and so"]), BLANKS),
+    st.builds('{}"{}{}{}"'.format, SPACES, BLANKS, st.sampled_from(["a, b", 'x ""y""']), BLANKS),
+)
+
+
+@given(SAID, SAID, st.booleans())
+def test_whatever_is_written_over_blanks_is_read_back_and_goes_back(
+    tmp_path_factory: pytest.TempPathFactory, cell: str, other: str, last: bool
+) -> None:
+    row = "1,{name},1,2,{said}\n" if last else "1,{said},{name},1,2\n"
+    header = "photo,point,x,y,reason\n" if last else "photo,reason,point,x,y\n"
+    text = header + row.format(name="p", said=cell) + row.format(name="q", said=other)
+    folder = folder_with(tmp_path_factory.mktemp("b"), text)
+    block = read_block(folder)
+    first, second = block.image_points
+    off = replace(first, use="off", reason=rejecting_reason("search", "xy", first.reason))
+    write_image_points(folder, [off, second], block)
+    assert read_block(folder).image_points == (off, second)
+    write_image_points(folder, block.image_points, block)
+    assert (folder / "image_points.csv").read_bytes() == text.encode()
+
+
+@pytest.mark.parametrize(
+    ("header", "row"),
+    [
+        ("photo,point,x,y,reason,use", "1,p,{},2,,"),
+        ("use,photo,point,x,y", ",1,p,{},2"),
+        ("use,photo,point,x,y,reason", ",1,p,{},2,so"),
+        ("reason,use,photo,point,x,y", ",,1,p,{},2"),
+    ],
+)
+def test_blank_columns_of_a_persons_own_stay(tmp_path: Path, header: str, row: str) -> None:
+    folder = folder_with(tmp_path, f"{header}\n{row.format(1)}\n")
+    block = read_block(folder)
+    write_image_points(folder, [replace(block.image_points[0], x=1.5)], block)
+    assert (folder / "image_points.csv").read_text() == f"{header}\n{row.format(1.5)}\n"
+
+
+def test_rows_and_lines_are_of_the_same_bytes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = "photo,point,x,y\n1,p,1,2\n1,q,3,4\n"
+    folder = folder_with(tmp_path, text)
+    block = read_block(folder)
+    read = imagepointscsv.parse_image_points
+
+    def meanwhile(path: Path, *of: object) -> object:
+        path.write_text("photo,point,x,y\n1,q,3,4\n1,p,1,2\n")
+        return read(path, *of)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(imagepointscsv, "parse_image_points", meanwhile)
+    rows = (replace(block.image_points[0], use="off"), block.image_points[1])
+    write_image_points(folder, rows, block)
+    monkeypatch.undo()
+    assert read_block(folder).image_points == rows
 
 
 NAMES = ("photo", "point", "x", "y", "sigma_um", "model", "use", "reason")
