@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import inf, sqrt
+from typing import Any
 
 import numpy as np
 
@@ -21,6 +22,7 @@ __all__ = [
     "CONDITION_LIMIT",
     "Adjustment",
     "CombinedAdjustment",
+    "MadeAgain",
     "RankDefectError",
     "adjust",
     "adjust_combined",
@@ -50,8 +52,20 @@ class RankDefectError(NotComputableError):
         )
 
 
+class MadeAgain:
+    """Is pickled without its cached properties, which can be made again: base class."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        kind = type(self)
+        return {
+            name: value
+            for name, value in vars(self).items()
+            if not isinstance(getattr(kind, name, None), cached_property)
+        }
+
+
 @dataclass(frozen=True, eq=False)
-class Adjustment:
+class Adjustment(MadeAgain):
     """The outcome of a parametric adjustment of n rows and u unknowns.
 
     Attributes
@@ -69,8 +83,6 @@ class Adjustment:
         (n or u + 1, u + 1) triangular factor of the rows: on and above its diagonal.
     basis
         (n, u) orthonormal columns that span those of the weighted design.
-    hat
-        (n, n) projector on them, basis basis'.
     closing
         (n,) closing misclosures, divided by the roots of the cofactors.
     r
@@ -89,7 +101,6 @@ class Adjustment:
     root: Array = field(repr=False)
     triangle: Array = field(repr=False)
     basis: Array = field(repr=False)
-    hat: Array = field(repr=False)
     closing: Array = field(repr=False)
     r: Array
     vtpv: float
@@ -127,6 +138,11 @@ class Adjustment:
     def q_xx(self) -> Array:
         """(u, u) cofactors of the unknowns."""
         return np.asarray(self.back.dot(self.back.T))
+
+    @property
+    def hat(self) -> Array:
+        """(n, n) projector on the columns of `basis`, basis basis'."""
+        return np.asarray(self.basis.dot(self.basis.T))
 
     @cached_property
     def projector(self) -> Array:
@@ -261,7 +277,6 @@ def adjust_weighted(
         root=root,
         triangle=triangle,
         basis=basis,
-        hat=hat,
         closing=q[:, u] * diagonal[u] if n > u else np.zeros(n),
         r=np.maximum(1.0 - hat.diagonal(), 0.0),
         vtpv=diagonal[u] ** 2 if n > u else 0.0,

@@ -9,6 +9,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from anaplot.adjustment.leastsquares import MadeAgain
 from anaplot.adjustment.tested import Observation, Partner, Tested, TestedInMicrometres, Transfer
 from anaplot.aliases import Array, Axis
 from anaplot.orientation.pair import Stereopair
@@ -33,7 +34,7 @@ class ModelPoint(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class ModelSolution(TestedInMicrometres[Row]):
+class ModelSolution(MadeAgain, TestedInMicrometres[Row]):
     """One oriented model.
 
     Attributes

@@ -20,7 +20,7 @@ from functools import cached_property
 
 import numpy as np
 
-from anaplot.adjustment.leastsquares import Adjustment
+from anaplot.adjustment.leastsquares import Adjustment, MadeAgain
 from anaplot.aliases import Array
 from anaplot.errors import NotComputableError
 from anaplot.orientation.conditionequations import ConditionEquations, ModelUnknowns
@@ -41,7 +41,7 @@ __all__ = [
 
 
 @dataclass(frozen=True, eq=False)
-class ExactStatistics:
+class ExactStatistics(MadeAgain):
     """What is known of a model's rows when the ties' errors count as they are.
 
     Attributes
@@ -314,7 +314,7 @@ def correlated_units(sigma: Array) -> Array:
     return np.asarray(1.0 / np.sqrt(np.einsum("ij,ij->j", whitener, whitener)))
 
 
-class _RowDerivatives:
+class _RowDerivatives(MadeAgain):
     """A model's weighted rows and its points with their derivatives, at a state.
 
     The derivatives are those by what was measured: image coordinates and ties.

@@ -1,11 +1,13 @@
 """Model values of sqrt(q_vv) for a stereo model: those of the ideal model with its points."""
 
+import pickle
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from flightscene import (
     BAARDA,
+    EXACT,
     PAPER,
     PROPAGATED,
     bridge_flight,
@@ -78,3 +80,19 @@ def test_modified_snooping_of_a_model_computes_exactly_only_in_doubt() -> None:
     modified = model_gross_errors(wrong, PROPAGATED, BAARDA, "modified")
     assert [row.name for row in modified.rejected] == [row.name for row in exact.rejected]
     assert modified.rejected[0].name == ("0c", "y")
+
+
+@pytest.mark.parametrize("precision", [PAPER, EXACT])
+def test_a_model_is_kept_without_what_can_be_made_again(precision) -> None:
+    solution = list(bridge_flight(fly(3, tilt=4.0), precision, base=50.0))[-1]
+    before = len(pickle.dumps(solution.of_unknowns)), len(pickle.dumps(solution.of_points))
+    asked = (solution.q_gg, solution.q_points, solution.condition, solution.q_vv)
+    assert (
+        len(pickle.dumps(solution.of_unknowns)),
+        len(pickle.dumps(solution.of_points)),
+    ) == before
+    kept = pickle.loads(pickle.dumps(solution))
+    assert not {"q_gg", "q_points", "condition"} & vars(kept).keys()
+    again = (kept.q_gg, kept.q_points, kept.condition, kept.q_vv)
+    assert all(map(np.array_equal, again, asked))
+    assert kept.table == solution.table
