@@ -12,6 +12,7 @@ the row would be if it alone came back.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import NamedTuple
 
 import numpy as np
@@ -210,6 +211,29 @@ class Elimination:
         self._e[self._rows] = 0.0
         self._r[self._rows] = 0.0
 
+    def drop_all(self, rows: Collection[int]) -> None:
+        """Bring rows back together: what dropping one after the other comes to, for one product.
+
+        Raises
+        ------
+        ValueError
+            One of them is not left out.
+        """
+        gone = {self._rows.index(row) for row in rows}
+        if not gone:
+            return
+        kept = [k for k in range(len(self._rows)) if k not in gone]
+        left = [self._rows[k] for k in kept]
+        turn, upper = np.linalg.qr(self._stack[:, left])
+        turn *= np.where(np.diagonal(upper) < 0.0, -1.0, 1.0)
+        stack, along = turn.T @ self._stack, turn.T @ self._along[: len(self._rows)]
+        self._rows, self._latest = left, None
+        self._room[: len(left)], self._along[: len(left)] = stack, along
+        self._e = self._e0 - along @ stack
+        self._r = np.maximum(self._r0 - np.einsum("kn,kn->n", stack, stack), 0.0)
+        self._e[left] = 0.0
+        self._r[left] = 0.0
+
     def swap(self, row: int, instead: int) -> None:
         """Bring `row` back and leave `instead` out.
 
@@ -269,6 +293,11 @@ class Elimination:
         inverse = self._inverse()
         sigma = np.sqrt((inverse * inverse).sum(axis=0))
         return inverse.T @ self._along[: len(self._rows)], sigma
+
+    def correlated_estimates(self) -> tuple[Array, Array]:
+        """Return (k,) estimated gross errors of S and (k, k) R_SS^-1, in a-priori sigmas."""
+        inverse = self._inverse()
+        return inverse.T @ self._along[: len(self._rows)], inverse.T @ inverse
 
     def _inverse(self) -> Array:
         """(k, k) inverse of the triangle."""

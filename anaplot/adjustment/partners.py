@@ -178,9 +178,12 @@ class Proposals:
 
         Those of its measurement that are out, where one of them is weak; else it comes back alone.
         """
-        _, sigma = state.estimates()
-        out: dict[int, tuple[int, ...]] = {row: (row,) for row in state.rows}
-        for row, one in zip(state.rows, sigma.tolist(), strict=True):
+        return self.together_of(state.rows, state.estimates()[1])
+
+    def together_of(self, rows: Sequence[int], sigma: Array) -> dict[int, tuple[int, ...]]:
+        """Return the same of rows that are out, by the (k,) sigmas of their estimated errors."""
+        out: dict[int, tuple[int, ...]] = {row: (row,) for row in rows}
+        for row, one in zip(rows, sigma.tolist(), strict=True):
             if one**-2 < WEAK:
                 unit: tuple[int, ...] = tuple(k for k in self.measured_with(row) if k in out)
                 out.update(dict.fromkeys(unit, unit))

@@ -262,16 +262,38 @@ def step_by_step(
         seen.add(frozenset(state.rows))
 
 
-def bring_back(state: Elimination, rule: Rule, watch: Watch) -> list[SearchStep]:
-    """Bring back the rows below their limit, the smallest first, until there is none."""
+def bring_back(state: Elimination, critical: float, watch: Watch) -> list[SearchStep]:
+    """Bring back the rows whose w is below a critical value, the smallest first, until none is.
+
+    Of the rows that stay in nothing is asked meanwhile: with D = R_SS^-1 and z the estimated errors
+    the return of row j leaves D - D[:, j] D[j, :] / D_jj and z - D[:, j] z_j / D_jj of the others,
+    and raises v'Pv by z_j^2 / D_jj.
+    """
     steps: list[SearchStep] = []
     proposals = Proposals(state.system.names)
-    while not watch.stopped:
-        test = rule(state)
-        back = _first_back(state, test, proposals, ())
-        if not back:
+    rows, vtpv, back = list(state.rows), state.vtpv, list[int]()
+    error, inverse = state.correlated_estimates()
+    while rows and not watch.stopped:
+        watch("bringing back", len(back) / (len(back) + len(rows)))
+        sigma = np.sqrt(np.diagonal(inverse))
+        size = dict(zip(rows, (np.abs(error) / sigma).tolist(), strict=True))
+        units = dict.fromkeys(proposals.together_of(rows, sigma).values())
+        small = [unit for unit in units if all(size[k] < critical for k in unit)]
+        if not small:
             break
-        steps.append(_drop(state, back, test))
+        unit = min(small, key=lambda unit: max(size[k] for k in unit))
+        before = vtpv
+        for row in unit:
+            j = rows.index(row)
+            share, z = inverse[j] / inverse[j, j], error[j]
+            vtpv += float(z * z / inverse[j, j])
+            left = np.arange(len(rows)) != j
+            error = (error - share * z)[left]
+            inverse = (inverse - np.outer(share, inverse[j]))[np.ix_(left, left)]
+            rows.pop(j)
+        back += unit
+        steps.append(SearchStep("drop", unit, max(size[k] for k in unit), critical, before, vtpv))
+    state.drop_all(back)
     return steps
 
 

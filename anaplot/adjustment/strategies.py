@@ -443,10 +443,10 @@ def _robust(task: _Task, method: Literal["huber", "danish"]) -> _End:
         for k, change in enumerate(robust.changes)
     ]
     steps += _reject_beyond(task, state, np.abs(robust.misclosures))
-    steps += bring_back(state, rule_of(method, task.alpha), task.watch)
+    steps += bring_back(state, task.critical, task.watch)
     settled = (
         f"the weights did not settle in {len(robust.changes)} iterations: the last ones count, "
-        f"which still change by up to {robust.changes[-1]:.1g}"
+        f"which still change by up to {robust.changes[-1]:.1g} of a full weight"
     )
     return _End(state, steps, () if robust.converged else (settled,), robust.weights)
 
@@ -461,9 +461,10 @@ def _reject_beyond(task: _Task, state: Elimination, size: Array) -> list[SearchS
     beyond = order[size[order] > critical][: task.most]
     _check_memory(len(beyond), len(size))
     state.system.columns(beyond)  # all of them at once
-    for first in order.tolist():
-        if size[first] <= critical or len(state.rows) >= task.most:
+    for k, first in enumerate(order.tolist()):
+        if size[first] <= critical or len(state.rows) >= task.most or task.watch.stopped:
             break
+        task.watch("rejecting", k / (len(beyond) or 1))
         if not state.testable(first):
             continue
         rejected = proposals.instead(

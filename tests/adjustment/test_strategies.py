@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -14,10 +16,11 @@ from anaplot.adjustment.findings import SearchSettings
 from anaplot.adjustment.leastsquares import adjust
 from anaplot.adjustment.leftout import ReducedSystem
 from anaplot.adjustment.modelvalues import beyond_model
+from anaplot.adjustment.partners import Proposals
 from anaplot.adjustment.residualsystem import DenseResiduals
 from anaplot.adjustment.reweighting import HUBER_LIMIT, reweight, weighted_misclosures
 from anaplot.adjustment.significance import critical_normal, critical_tau
-from anaplot.adjustment.stepwise import rule_of, step_by_step, stepwise
+from anaplot.adjustment.stepwise import bring_back, rule_of, step_by_step, stepwise
 from anaplot.adjustment.strategies import STRATEGIES, find_gross_errors, pair_odds, sigma_of
 from anaplot.adjustment.watch import Watch
 from anaplot.errors import NotComputableError
@@ -277,6 +280,42 @@ def test_modified_counts_what_it_decides_otherwise() -> None:
     assert 4 in blind.model_values.wrongly_accepted
     with pytest.raises(ValueError, match="model values"):
         find_gross_errors(system, "modified")
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_rows_brought_back_together_are_those_brought_back_one_by_one(seed: int) -> None:
+    _, _, system = random_system(seed, 40, 8, {3: 30.0, 11: -25.0})
+    names = tuple((k // 2, "xy"[k % 2]) for k in range(40))
+    # rows that show next to nothing of their errors come back with their measurement
+    system = replace(system, names=names)
+    state, single = Elimination(system), Elimination(system)
+    for row in (3, 8, 9, 11, 14, 20, 21, 22, 30, 35):
+        state.add(row)
+        single.add(row)
+    limit, told = critical_normal(0.001), list[str]()
+    steps = bring_back(state, limit, Watch(lambda what, _: told.append(what)))
+    for step in steps:
+        error, sigma = single.estimates()
+        size = dict(zip(single.rows, np.abs(error) / sigma, strict=True))
+        unit = min(
+            dict.fromkeys(Proposals(names).together(single).values()),
+            key=lambda rows: max(size[k] for k in rows),
+        )
+        assert unit == step.rows
+        assert step.statistic == pytest.approx(max(size[k] for k in unit), rel=1e-9)
+        assert step.before == pytest.approx(single.vtpv, rel=1e-9)
+        for row in unit:
+            single.drop(row)
+        assert step.after == pytest.approx(single.vtpv, rel=1e-9)
+    assert len(steps) >= 6
+    assert set(told) == {"bringing back"}
+    error, sigma = single.estimates()
+    assert (np.abs(error) / sigma >= limit).all()
+    assert state.rows == single.rows
+    for one, other in ((state.e, single.e), (state.r, single.r), (state.vtpv, single.vtpv)):
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-10)
+    np.testing.assert_allclose(state.triangle(), single.triangle(), rtol=1e-9, atol=1e-10)
+    np.testing.assert_allclose(state.column(5), single.column(5), rtol=1e-9, atol=1e-10)
 
 
 def test_suspects_and_most_are_kept() -> None:
