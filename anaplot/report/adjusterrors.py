@@ -147,7 +147,7 @@ def errors_document(cleaned: BlockFindings) -> Document:
     elif not cleaned.points:
         page.append(say("  nothing is rejected"))
     page += _listed(
-        "left out with all rays, which are far apart and too few to tell which of them is wrong",
+        "left out with all rays, which are far apart: they, or its control, may be wrong",
         [say("point {}", point) for point in cleaned.points],
     )
     page += _listed("under a wrong name, it seems", [_misnamed(ray) for ray in cleaned.misnamed])

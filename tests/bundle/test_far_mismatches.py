@@ -12,7 +12,10 @@ from grossblocks import mismatched, planned
 from anaplot import adjust
 from anaplot.adjustment.findings import SearchSettings
 from anaplot.bundle.adjust import adjust_block
+from anaplot.bundle.errors import misfits
 from anaplot.bundle.errors.grosserrors import BlockFindings, block_gross_errors
+from anaplot.bundle.solve.problem import make_problem
+from anaplot.bundle.start.robust import FarOff
 from anaplot.cli import main
 from anaplot.exchange.blockfolder import (
     read_block,
@@ -114,14 +117,14 @@ def test_what_is_left_out_is_said_and_applied(tmp_path: Path, capsys: pytest.Cap
     assert read_block(folder).image_points == block.image_points
 
 
-def known_torn(kind: str, side: int) -> tuple[Block, str]:
+def known_torn(kind: str, side: int, seen: tuple[str, str] = ("106", "107")) -> tuple[Block, str]:
     """Two strips; one of two rays lies beside another point, of which something is known."""
     block = planned(2)
     photos: dict[str, list[str]] = {}
     for row in block.image_points:
         photos.setdefault(row.point, []).append(row.photo)
     known = {one.point for one in block.control}
-    point = next(n for n, of in photos.items() if of == ["106", "107"] and n not in known)
+    point = next(n for n, of in photos.items() if tuple(of) == seen and n not in known)
     rows = {(row.photo, row.point): row for row in block.image_points}
     photo = photos[point][side]
     here = rows[photo, point]
@@ -139,10 +142,18 @@ def known_torn(kind: str, side: int) -> tuple[Block, str]:
     elif kind == "weak prior":
         far = tuple(value + 300.0 for value in place)
         priors = (*priors, PointPrior(point, far, (1000.0,) * 3))
+    elif kind == "prior":
+        far = tuple(value + 10.0 for value in place)
+        priors = (*priors, PointPrior(point, far, (20.0,) * 3))
+    elif kind == "plan":
+        control = (*control, ControlPoint(point, (*place[:2], None), (0.05, 0.05, None)))
     else:
-        there = next(row.xyz for row in adjust_block(block).point_rows() if row.point == other)
-        long = float(np.linalg.norm(np.subtract(place, there)))
-        conditions = (ObjectCondition("distance", (point, other), long, 0.05),)
+        sigma = 1e4 if kind == "weak distances" else 0.05
+        there = {row.point: row.xyz for row in adjust_block(block).point_rows()}
+        ends = [name for name in there if len(photos[name]) > 2][:2]
+        for name in [other] if kind == "distance" else ends:
+            long = float(np.linalg.norm(np.subtract(place, there[name])))
+            conditions += (ObjectCondition("distance", (point, name), long, sigma),)
     rows_now = tuple(rows.values())
     block = replace(block, image_points=rows_now, control=control, priors=priors)
     return replace(block, conditions=conditions), point
@@ -161,6 +172,92 @@ def test_what_does_not_tell_which_of_two_rays_is_wrong_keeps_no_point(kind: str,
     if kind == "distance":
         reasons = [one.reason for one in found.block.problem.left_out if one.kind == "condition"]
         assert reasons == [f"names point {point}, which is not determined by the images"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("side", [0, 1])
+@pytest.mark.parametrize("kind", ["prior", "plan", "distances", "weak distances"])
+def test_a_torn_point_of_which_too_little_is_known_is_left_out(kind: str, side: int) -> None:
+    block, point = known_torn(kind, side, ("201", "202"))
+    found = block_gross_errors(block, "search", ALPHA)
+    assert found.points == (point,)
+    assert found.rejected == ()
+    assert found.block.sigma0 is not None
+    assert found.block.sigma0 < 1.15
+
+
+def test_knowledge_is_as_sharp_as_the_rays_are_long() -> None:
+    """At a point; a ray of another point misses by a twentieth of them."""
+    block = planned(2)
+    found = adjust_block(block)
+    problem, state = found.problem, found.state
+    known = {one.point for one in block.control}
+    at = next(k for k, name in enumerate(problem.points) if name not in known)
+    point, mine = problem.points[at], problem.photo[problem.point == at]
+    long = float(np.linalg.norm(state.points[at] - state.centres[mine], axis=1).mean())
+
+    def knows(sigma: float, kind: str = "", nearer: float = 1.0) -> int:
+        centre = state.centres[mine].mean(axis=0)
+        points = state.points.copy()
+        points[at] = centre + nearer * (points[at] - centre)
+        if not kind:
+            place = tuple(points[at] + state.origin)
+            changed = replace(block, priors=(*block.priors, PointPrior(point, place, (sigma,) * 3)))
+        else:
+            others = [name for name in problem.points if name in known][:2]
+            names = (point, *others[: 1 + (kind == "angle")])
+            value = 1.0 if kind == "angle" else long
+            one = ObjectCondition(kind, names, value, sigma)  # type: ignore[arg-type]
+            changed = replace(block, conditions=(one,))
+        made = make_problem(changed)
+        assert made.points == problem.points
+        return int(misfits._known(made, replace(state, points=points))[at])
+
+    assert knows(0.004 * long) == 3
+    assert knows(0.006 * long) == 0
+    assert knows(0.004 * long, nearer=0.3) == 0
+    assert knows(0.05, "distance") == 1
+    assert knows(0.006 * long, "distance") == 0
+    assert knows(1e-5, "angle") == 1
+    assert knows(0.5, "angle") == 0
+
+
+@pytest.mark.slow
+def test_one_ray_to_control_free_of_error_is_wrong_and_not_the_control() -> None:
+    block = planned(2)
+    point = block.control[0].point
+    firm = ControlPoint(point, block.control[0].xyz, (0.0,) * 3)
+    photo = next(row.photo for row in block.image_points if row.point == point)
+    rows = [row for row in block.image_points if row.point != point or row.photo == photo]
+    rows = [replace(row, x=row.x + 30.0) if row.point == point else row for row in rows]
+    changed = replace(block, image_points=tuple(rows), control=(firm, *block.control[1:]))
+    found = block_gross_errors(changed, "search", ALPHA)
+    assert found.points == ()
+    assert {name[1:3] for name in (row.name for row in found.rejected)} == {(photo, point)}
+    assert found.block.sigma0 is not None
+    assert found.block.sigma0 < 1.2
+    # and where the block has no minimum with it
+    problem = make_problem(changed)
+    state = adjust_block(block).state
+    assert problem.points == adjust_block(block).problem.points
+    count = len(problem.points)
+    rays = np.zeros(len(problem.photo), dtype=bool)
+    off = FarOff(
+        state,
+        rays,
+        problem.fixed.all(axis=1),
+        np.zeros((len(problem.photos), 2), dtype=bool),
+        np.zeros(count, dtype=bool),
+        1.0,
+    )
+    believed = misfits._control_believed(problem, off)
+    assert believed is not None
+    assert not believed.control.any()
+    assert np.flatnonzero(believed.rays).tolist() == [
+        int(np.flatnonzero(problem.point == problem.points.index(point))[0])
+    ]
+    smaller = misfits._without(problem, believed)
+    assert not misfits._far_apart(smaller, believed).any()
 
 
 @pytest.mark.slow

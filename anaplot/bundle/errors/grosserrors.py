@@ -118,7 +118,7 @@ class BlockFindings(Cleaned[BlockPlace, ObservationName, BlockResiduals]):
 
     @property
     def points(self) -> tuple[str, ...]:
-        """Points left out with all rays: far apart, and too few to tell which of them is wrong."""
+        """Points left out with all rays: far apart, and too little to tell what is wrong."""
         apart = self.block.problem.undetermined or {}
         return tuple(name for name, why in apart.items() if why == FAR_APART)
 

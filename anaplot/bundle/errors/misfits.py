@@ -26,9 +26,10 @@ from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.remade import among_points, without_points
 from anaplot.bundle.solve.selection import FAR_APART
 from anaplot.bundle.solve.structure import Structure, make_structure
-from anaplot.bundle.start.halfrays import CERTAIN, met_planes
+from anaplot.bundle.start.halfrays import met_planes
 from anaplot.bundle.start.robust import FarOff, far_off
 from anaplot.errors import NotComputableError
+from anaplot.photogrammetry.objectconditions import ObjectCondition
 
 __all__ = [
     "PartialAdjustment",
@@ -40,10 +41,12 @@ __all__ = [
 
 
 _ROUNDS = 4
-_TELL = 6  # equations of a point from which it is told which of its rays is wrong
+_TELL = 7  # equations of a point from which it is told which of its rays is wrong
+_VOTE = 6  # from which rays that all contradict what is known of it tell that this is wrong
 _ENOUGH = 0.01  # of a point's weakest direction that must be left
 _WIDE = 0.05  # of the principal distance: a ray that misses so far was meant for another point
 _OFF = 10.0  # sigmas by which a coordinate of such a ray is off
+_FARTHEST = 0.95  # of all rays are shorter: where a point's rays do not meet it may be anywhere
 
 
 class PartialAdjustment(NamedTuple):
@@ -58,8 +61,8 @@ class PartialAdjustment(NamedTuple):
     reason
         Why there is none with them, or "".
     points
-        Points that are left out with all their rays: they are far apart, and too few to tell which
-        of them is wrong.
+        Points that are left out with all their rays: they are far apart, and too little tells what
+        is wrong.
     """
 
     block: AdjustedBlock
@@ -180,8 +183,10 @@ def _control_believed(problem: Problem, off: FarOff) -> FarOff | None:
     size = np.linalg.norm(counted_misclosures(problem, off.state)[0] * problem.sigma_xy, axis=1)
     wrong = firm[problem.point] & ~(size <= off.reach)
     count = np.bincount(problem.point, minlength=len(problem.points))
-    most = np.bincount(problem.point[wrong], minlength=len(problem.points)) > count // 2
-    if (most & ~_undecided(problem, _known(problem, off.state))).any():
+    # one ray is no majority: what is free of error tells that it is wrong
+    majority = np.maximum(count // 2, 1)
+    most = np.bincount(problem.point[wrong], minlength=len(problem.points)) > majority
+    if (most & ~_undecided(problem, _known(problem, off.state), _VOTE)).any():
         return None
     rays = np.where(firm[problem.point], wrong, off.rays)
     return off._replace(rays=rays, control=off.control & ~firm)
@@ -253,27 +258,46 @@ def _far_apart(problem: Problem, off: FarOff) -> Bools:
 def _known(problem: Problem, state: BlockState) -> Index:
     """(points,) how many equations besides those of its rays know where a point is.
 
-    What is known worse than orientations with their rays would have it is no knowledge.
+    What is known too badly to see that a ray was meant for another point is no knowledge.
     """
     away = np.linalg.norm(state.points[problem.point] - state.centres[problem.photo], axis=1)
-    worst = CERTAIN * float(np.median(away))
-    known: Index = (problem.fixed | (problem.ground_sigma <= worst).any(axis=0)).sum(axis=1)
+    count = np.bincount(problem.point, minlength=len(problem.points))
+    own = np.bincount(problem.point, away, len(count)) / np.maximum(count, 1)
+    worst = _WIDE / _OFF * np.minimum(own, np.quantile(away, _FARTHEST))
+    sharp = (problem.ground_sigma <= worst[:, None]).any(axis=0)
+    known: Index = (problem.fixed | sharp).sum(axis=1)
     if problem.given is not None:
         known[problem.given.points_given(len(known))] = 3
     observed = [one for one in problem.block.conditions if one.use == "control"]
     index = {name: k for k, name in enumerate(problem.points)} if observed else {}
     for one in observed:
-        known[[index[name] for name in one.points if name in index]] += 1
+        points = np.array([index.get(name, -1) for name in one.points])
+        if (points >= 0).all():
+            sigma = _metres(one, state.points[points])
+            known[points[sigma <= worst[points]]] += 1
     return known
 
 
-def _undecided(problem: Problem, known: Index) -> Bools:
-    """(points,) points of which nothing is left over once one of the rays is out."""
+def _metres(one: ObjectCondition, places: Array) -> Array:
+    """(k,) sigma of a condition at each of its points [m]."""
+    if one.kind != "angle":
+        return np.full(len(places), one.sigma)
+    legs = np.linalg.norm(places - places[1], axis=1)
+    legs[1] = min(legs[0], legs[2])
+    out: Array = one.sigma * legs
+    return out
+
+
+def _undecided(problem: Problem, known: Index, tell: int = _TELL) -> Bools:
+    """(points,) points of which too little is left over once one of the rays is out.
+
+    One ray and three coordinates free of error leave no doubt which of them is wrong.
+    """
     counted = np.full(len(problem.photo), 2)
     if problem.off is not None:
         counted = (~problem.off).sum(axis=1)
     equations = np.bincount(problem.point, counted, len(problem.points)) + known
-    few: Bools = (known > 0) & (equations < _TELL)
+    few: Bools = (known > 0) & (equations < tell) & ~problem.fixed.all(axis=1)
     return few
 
 

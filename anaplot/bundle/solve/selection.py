@@ -22,7 +22,7 @@ __all__ = [
 HALF_RAYS = "has rays of which x or y is off, and the rest does not meet before its photos"
 """Why a point takes no part whose half rays do not determine it."""
 
-FAR_APART = "has rays far apart, and too few to tell which of them is wrong"
+FAR_APART = "has rays far apart, and too little to tell which of them, or of its control, is wrong"
 """Why a point takes no part whose rays gross errors keep from meeting."""
 
 _MOST_LEFT_OUT = 20  # that are named

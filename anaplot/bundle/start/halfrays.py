@@ -22,7 +22,6 @@ from anaplot.bundle.start.subblock import SubBlock
 from anaplot.errors import NotComputableError
 
 __all__ = [
-    "CERTAIN",
     "half_seen",
     "met_planes",
     "settled_points",
@@ -31,10 +30,9 @@ __all__ = [
 ]
 
 _FEWEST = 3  # coordinates that determine a point
-
-CERTAIN = 0.03
-"""Of its distance: a larger standard deviation of a point is none; by its rays alone, and
-orientations make it up to three times as large."""
+# of its distance: a larger standard deviation of a point is none; by its rays alone, and
+# orientations make it up to three times as large
+_CERTAIN = 0.03
 
 
 def half_seen(problem: Problem) -> Bools:
@@ -142,7 +140,7 @@ def met_planes(problem: Problem, state: BlockState, points: Index) -> tuple[Arra
     weakest = np.linalg.eigvalsh(matrix)[:, 0]
     angle = np.zeros(len(points))
     np.maximum.at(angle, of_point, problem.sigma[rays] / c)
-    certain = np.sqrt(np.maximum(weakest, 0.0)) * CERTAIN > angle
+    certain = np.sqrt(np.maximum(weakest, 0.0)) * _CERTAIN > angle
     places = np.full((len(points), 3), np.nan)
     places[certain] = np.linalg.solve(matrix[certain], right[certain][:, :, None])[:, :, 0]
     depth = -np.einsum("ni,ni->n", turn[:, :, 2], places[of_point] - centre)

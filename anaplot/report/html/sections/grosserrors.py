@@ -34,8 +34,8 @@ def _blocks(found: BlockAdjustment) -> Iterator[HtmlBlock]:
         of = f" of the step: {what}" if what else ""
         if findings.points:
             yield say(
-                "{} left out with all rays{}: they are far apart, and too few to tell which of "
-                "them is wrong: {}",
+                "{} left out with all rays{}: they are far apart, and too little to tell which of "
+                "them, or of their control, is wrong: {}",
                 counted(len(findings.points), "point is", "points are"),
                 of,
                 named(findings.points, _MOST),
