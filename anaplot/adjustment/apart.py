@@ -107,6 +107,13 @@ class RowsGiven(Protocol):
         ...
 
 
+def places_without(given: RowsGiven, numbers: Index, out: Collection[int]) -> Iterator[Places]:
+    """Yield places by their numbers, in which some rows are out for good."""
+    gone = np.zeros(len(given.e), dtype=bool)
+    gone[list(out)] = True
+    return (places.without(gone) for places in given.places(numbers))
+
+
 class WithoutRows(Protocol):
     """What an adjustment is without some of its rows."""
 
@@ -278,10 +285,7 @@ class _Sweeps:
 
     def _places(self, given: RowsGiven, numbers: Index) -> Iterator[Places]:
         """Yield places in which what is held does not come back."""
-        held = np.zeros(len(given.e), dtype=bool)
-        held[self.held] = True
-        for places in given.places(numbers):
-            yield places.without(held)
+        return places_without(given, numbers, self.held)
 
     def _objective(self, given: RowsGiven, out: frozenset[int]) -> float:
         return given.vtpv + self.critical**2 * len(out)

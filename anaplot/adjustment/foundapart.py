@@ -13,6 +13,7 @@ from anaplot.adjustment.apart import (
     RowsGiven,
     WithoutRows,
     clean_apart,
+    places_without,
     standardized,
 )
 from anaplot.adjustment.elimination import Elimination
@@ -180,11 +181,7 @@ def _retraced(
     rows = np.array(end.rows, dtype=np.intp)
     found: dict[int, Rejection[Hashable]] = {}
     alike: dict[int, list[HardToTell]] = {}
-    held = np.zeros(len(end.given.e), dtype=bool)
-    held[list(left_out)] = True
-    of_rows = (
-        places.without(held) for places in end.given.places(np.unique(end.given.places_of(rows)))
-    )
+    of_rows = places_without(end.given, np.unique(end.given.places_of(rows)), left_out)
     for place in (places.place(k) for places in of_rows for k in range(len(places.numbers))):
         before = Elimination(place.system)
         mine = [(i, row) for i, row in enumerate(place.rows.tolist()) if row in out]

@@ -174,7 +174,12 @@ class CameraCalibration:
     @property
     def distorts(self) -> bool:
         """Whether a lens or a distortion is stated."""
-        return self.lens is not None or self.radial is not None or any(self.decentring)
+        return self.lens is not None or self.corrects
+
+    @property
+    def corrects(self) -> bool:
+        """Whether a distortion is stated, which image coordinates are without."""
+        return self.radial is not None or any(self.decentring)
 
     def fiducial_names(self) -> tuple[str, ...]:
         """Return the names of all fiducials, in the order in which the certificate names them."""

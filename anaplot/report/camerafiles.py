@@ -102,9 +102,7 @@ def _refuse_beside_distortion(camera: Camera) -> None:
 
 
 def _corrects(calibration: CameraCalibration | None) -> bool:
-    return calibration is not None and (
-        calibration.radial is not None or any(calibration.decentring)
-    )
+    return calibration is not None and calibration.corrects
 
 
 def write_cameras(files: Mapping[str, Path], block: AdjustedBlock) -> tuple[CalibratedCamera, ...]:

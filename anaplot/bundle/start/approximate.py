@@ -20,7 +20,13 @@ from anaplot.bundle.start.absolute import give_nominal_place, to_ground, to_some
 from anaplot.bundle.start.bridging import BRIDGING, bridged_parts
 from anaplot.bundle.start.plane import grown_from_plane
 from anaplot.bundle.start.seeds import PAIRS, PHOTOS, grown_from_seed
-from anaplot.bundle.start.subblock import SubBlock, intersect_rays, rays_of_photos, unit_rays
+from anaplot.bundle.start.subblock import (
+    SubBlock,
+    intersect_rays,
+    median_miss,
+    rays_of_photos,
+    unit_rays,
+)
 from anaplot.bundle.start.vertical import LEVEL, PLAINLY_LEVEL, vertical_subblock
 from anaplot.errors import NotComputableError
 
@@ -136,9 +142,7 @@ def doubtful(problem: Problem, start: BlockState) -> bool:
 
 def _misses(problem: Problem, subblock: SubBlock) -> float:
     """Return by which share of c rays miss their points, in the median; infinite without rays."""
-    size = subblock.residuals(problem) / problem.c[problem.photo]
-    size = size[~np.isnan(size)]
-    return float(np.median(size)) if len(size) else float("inf")
+    return median_miss(subblock.residuals(problem) / problem.c[problem.photo])
 
 
 def _joined(

@@ -15,7 +15,7 @@ import numpy as np
 from anaplot.aliases import Array, Index, Progress
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.start.seeds import rays_of_common_points, spread
-from anaplot.bundle.start.subblock import SubBlock
+from anaplot.bundle.start.subblock import SubBlock, median_miss
 from anaplot.bundle.start.viewgraph import ViewGraph, view_graph
 
 __all__ = ["grown_from_plane"]
@@ -78,7 +78,7 @@ def grown_from_plane(
         part = _seen_from(problem, first, flat, normal)
         part.place(problem, rays)
         against = part.rotations[[first, *flat.photos], :, 2] @ -normal
-        parts.append((_error(problem, part), float(np.median(against)), part))
+        parts.append((median_miss(part.residuals(problem)), float(np.median(against)), part))
     parts.sort(key=lambda one: one[0])
     if not parts or parts[0][1] > np.cos(_TILTED):
         return None
@@ -88,17 +88,10 @@ def grown_from_plane(
         if best is not None and error > _CLEARLY * parts[0][0]:
             break
         spread(problem, part, rays, by_photo, ~every, progress)
-        grown = _error(problem, part)
+        grown = median_miss(part.residuals(problem))
         if grown < least:
             best, least = part, grown
     return best
-
-
-def _error(problem: Problem, part: SubBlock) -> float:
-    """Return by how much rays miss, in the median [mm]."""
-    size = part.residuals(problem)
-    size = size[~np.isnan(size)]
-    return float(np.median(size)) if len(size) else float("inf")
 
 
 def _flat_neighbours(

@@ -19,6 +19,7 @@ from anaplot.bundle.start.absolute import to_ground
 from anaplot.bundle.start.approximate import grown_whole
 from anaplot.bundle.start.robust import OFF
 from anaplot.bundle.start.subblock import SubBlock, unit_rays
+from anaplot.bundle.start.viewgraph import view_graph
 
 __all__ = ["regrown"]
 
@@ -72,14 +73,8 @@ def _parts(problem: Problem, state: BlockState) -> Index:
     fits = np.linalg.norm(e, axis=1) <= OFF * problem.sigma
     firm = np.bincount(problem.point, fits, len(problem.points)) >= _FIRM
     use = fits & firm[problem.point]
-    n, p = len(problem.photos), len(problem.points)
-    seen = sparse.coo_array(
-        (np.ones(int(use.sum()), dtype=np.int32), (problem.photo[use], problem.point[use])),
-        shape=(n, p),
-    ).tocsr()
-    seen.data[:] = 1
-    common = (seen @ seen.T).tocoo()
-    tied = common.data >= _TIES
-    ends = common.row[tied], common.col[tied]
-    graph = sparse.coo_matrix((common.data[tied], ends), shape=(n, n))
+    n = len(problem.photos)
+    seen = view_graph(problem, use)
+    tied = seen.common >= _TIES
+    graph = sparse.coo_matrix((seen.common[tied], tuple(seen.pairs[tied].T)), shape=(n, n))
     return np.asarray(connected_components(graph, directed=False)[1], dtype=np.intp)

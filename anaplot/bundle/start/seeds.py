@@ -14,7 +14,7 @@ import numpy as np
 from anaplot.aliases import Array, Bools, Index, Progress
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.start.relative import RelativeOrientation, orient_pair
-from anaplot.bundle.start.subblock import SubBlock
+from anaplot.bundle.start.subblock import SubBlock, median_miss
 from anaplot.bundle.start.viewgraph import view_graph
 
 __all__ = ["PAIRS", "PHOTOS", "grown_from_seed", "rays_of_common_points", "spread"]
@@ -78,9 +78,7 @@ def grown_from_seed(
             part.rotations[pair] = np.eye(3), found.rotation
             part.place(problem, rays)
             spread(problem, part, rays, by_photo, beyond, progress)
-            size = part.residuals(problem)
-            size = size[~np.isnan(size)]
-            error = float(np.median(size)) if len(size) else float("inf")
+            error = median_miss(part.residuals(problem))
             score = (int((part.oriented & among).sum()), -error)
             if score > best_score:
                 best, best_score = part, score

@@ -216,6 +216,12 @@ def rays_of_photos(problem: Problem) -> list[Index]:
     return np.split(order, ends)
 
 
+def median_miss(size: Array) -> float:
+    """Return by how much rays miss in the median, of what is known of them; infinite without."""
+    known = size[~np.isnan(size)]
+    return float(np.median(known)) if len(known) else float("inf")
+
+
 def intersect_rays(
     problem: Problem, subblock: SubBlock, rays: Array, wanted: Bools | None = None
 ) -> Array:

@@ -60,11 +60,22 @@ class ViewGraph:
         return out
 
 
-def view_graph(problem: Problem) -> ViewGraph:
-    """Return the view graph of a bundle; cost and memory are linear in pairs and rays."""
+def view_graph(problem: Problem, use: Bools | None = None) -> ViewGraph:
+    """Return the view graph of a bundle; cost and memory are linear in pairs and rays.
+
+    Parameters
+    ----------
+    problem
+        The bundle.
+    use
+        (m,) which of its rays; None: all.
+    """
     n, p = len(problem.photos), len(problem.points)
+    photo, point = problem.photo, problem.point
+    if use is not None:
+        photo, point = photo[use], point[use]
     seen = sparse.coo_array(
-        (np.ones(len(problem.photo), dtype=np.int32), (problem.photo, problem.point)), shape=(n, p)
+        (np.ones(len(photo), dtype=np.int32), (photo, point)), shape=(n, p)
     ).tocsr()
     # what a photo has twice is seen once
     seen.data[:] = 1

@@ -109,7 +109,7 @@ def stated_camera(options: ImportOptions, name: str = "camera") -> tuple[Camera 
             raise InputError(f"{beside}: beside --camera, which states it")
         found = read_camera(options.camera)
         notes = []
-        if found.radial is not None or any(found.decentring) or any(found.principal_point):
+        if found.corrects or any(found.principal_point):
             text = "coordinates are ideal ones: principal point and [distortion] of the camera file"
             notes = [Note("assumed", None, f"{text} are not taken off")]
         camera = Camera(found.id, found.c, found.format, lens=found.lens)

@@ -280,12 +280,13 @@ class _Plan:
         )
         address = self._addresses.of(f"table-{table.key.replace('_', '-')}")
         n = len(table)
-        chosen = _chosen(table, self._most_rows)
+        marked = table.marked()
+        chosen = _chosen(table, self._most_rows, marked)
         if len(chosen) < n:
             self.cut[address] = table
         columns = [(column, cell_texts(column, values, chosen)) for column, values in _shown(table)]
-        marked = set(table.marked())
-        looks = [k in marked for k in chosen]
+        to_look = set(marked)
+        looks = [k in to_look for k in chosen]
         cells = [
             Row(tuple(_cell(text, column) for column, text in zip(heads, row, strict=True)), look)
             for (heads, row), look in zip(_rows(columns, len(chosen)), looks, strict=True)
@@ -366,13 +367,13 @@ def _grouped(
     return tuple((Text(name, True), tuple(some)) for name, some in groups)
 
 
-def _chosen(table: Table, most: int) -> Sequence[int]:
+def _chosen(table: Table, most: int, marked: Sequence[int]) -> Sequence[int]:
     n = len(table)
     if n <= most:
         return range(n)
     if table.most is not None:
         return range(most)
-    return table.marked()[:most] or range(min(n, _FIRST))
+    return marked[:most] or range(min(n, _FIRST))
 
 
 def _lines(block: Line | Listed) -> list[LineView]:
