@@ -13,8 +13,9 @@ from typing import Any, BinaryIO
 
 from anaplot.aliases import Array, Index
 from anaplot.errors import InputError
-from anaplot.exchange.keptrows import Columns, rewritten, unchanged_ends
+from anaplot.exchange.keptrows import Columns, rewritten
 from anaplot.photogrammetry.block import Block, Camera, ImagePoint, Strip
+from anaplot.photogrammetry.imagepoint import unchanged_ends
 from anaplot.photogrammetry.imagepoints import ImagePoints
 from anaplot.photogrammetry.measuredimage import (
     first_beyond_reach,
@@ -266,7 +267,7 @@ def reformat_image_points(
     first, old, new = 0, None, rows
     if found is not None:
         there = ImagePoints(found).rows
-        first, behind = unchanged_ends(there, rows.rows)
+        first, behind = unchanged_ends(there, rows.rows, measured=True)
         old, new = (ImagePoints(every[first : len(every) - behind]) for every in (there, rows.rows))
         kept = (*rows[:first], *rows[len(rows) - behind :])
         if not (_surely_writable(new) and set(map(_key, new)).isdisjoint(map(_key, kept))):

@@ -8,19 +8,15 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
-from operator import attrgetter
 
-from anaplot.photogrammetry.imagepoint import ImagePoint
 from anaplot.textfiles.csvlines import CsvLine, CsvLines, cell_value, cells_of, with_value
 
-__all__ = ["Columns", "rewritten", "unchanged_ends"]
+__all__ = ["Columns", "rewritten"]
 
 # columns that may be missing, and what a blank field of them says
 _MAY_MISS = {"sigma_um": None, "model": None, "use": "xy", "reason": None}
 _KEY = ("photo", "point", "model")
 _SWITCHES = ("reason", "use")
-_STEP = 512  # rows that are compared at a time
-_measured = attrgetter("measured")
 
 
 Columns = Mapping[str, Sequence[str | float | None]]
@@ -144,25 +140,3 @@ def _without_blank_columns(
             line._replace(text=line.text[1:]).raw for line in map(CsvLine.of, rows)
         ]
     return header, rows
-
-
-def unchanged_ends(old: Sequence[ImagePoint], new: Sequence[ImagePoint]) -> tuple[int, int]:
-    """Return how many rows at the beginning, and of the others at the end, are as they were.
-
-    The same objects are not looked into.
-    """
-    first = _unchanged(old, new)
-    return first, _unchanged(old[first:][::-1], new[first:][::-1])
-
-
-def _unchanged(old: Sequence[ImagePoint], new: Sequence[ImagePoint]) -> int:
-    """Return how many rows at the beginning are as they were."""
-    count, most = 0, min(len(old), len(new))
-    for step in (_STEP, 1):
-        while count < most:
-            ours, theirs = new[count : count + step], old[count : count + step]
-            # what stands in the file is no part of what makes rows equal
-            if ours != theirs or list(map(_measured, ours)) != list(map(_measured, theirs)):
-                break
-            count += step
-    return min(count, most)

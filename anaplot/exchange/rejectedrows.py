@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
 from itertools import takewhile
 from typing import cast, get_args
@@ -18,11 +18,11 @@ __all__ = [
     "as_before",
     "chain",
     "last_times",
+    "next_time",
     "rejected_axes",
     "rejecting_reason",
     "rejects",
     "said_by",
-    "times_applied",
 ]
 
 STRATEGIES: tuple[SwitchedBy, ...] = get_args(SwitchedBy)
@@ -39,7 +39,7 @@ _BEFORE = re.compile(
 def said_by(reason: str | None) -> SwitchedBy | None:
     """Return the strategy whose reason that is; None of a person's, and where there is none."""
     match = _BEFORE.fullmatch(reason) if reason else None
-    return None if match is None else next((s for s in STRATEGIES if s == match["name"]), None)
+    return None if match is None else _strategy(match)
 
 
 def rejects(row: ImagePoint) -> bool:
@@ -72,16 +72,13 @@ def rejecting_reason(strategy: SwitchedBy, use: Use, reason: str | None, time: i
     return strategy + again + before + ("" if reason is None else f", {reason}")
 
 
-def times_applied(rows: Iterable[ImagePoint]) -> dict[SwitchedBy, int]:
-    """Return how many times the rejections of each strategy were applied, as the rows tell.
+def next_time(rows: Iterable[ImagePoint], strategy: SwitchedBy) -> int:
+    """Return which time it is that a strategy's rejections are applied to some rows.
 
     Rows that somebody else gave the name of a strategy are of the first time.
     """
-    times: dict[SwitchedBy, int] = {}
-    for row in rows:
-        for strategy, time in chain(row):
-            times[strategy] = max(times.get(strategy, 1), time)
-    return times
+    times = (time for row in rows for said, time in chain(row) if said == strategy)
+    return max(times, default=0) + 1
 
 
 def last_times(rows: Iterable[ImagePoint], strategies: Collection[str]) -> dict[SwitchedBy, int]:
@@ -106,11 +103,7 @@ def last_times(rows: Iterable[ImagePoint], strategies: Collection[str]) -> dict[
 
 def chain(row: ImagePoint) -> list[tuple[SwitchedBy, int]]:
     """Return which strategies have switched off something of a row, the last first, and when."""
-    out: list[tuple[SwitchedBy, int]] = []
-    while (strategy := said_by(row.reason)) is not None:
-        out.append((strategy, _time(row.reason)))
-        row = _one_before(row)
-    return out
+    return [(strategy, time) for strategy, time, _ in _links(row)]
 
 
 def as_before(
@@ -130,11 +123,10 @@ def as_before(
         Which time alone is meant of each; None: every time.
     """
     names = frozenset(strategies)
-    while (strategy := said_by(row.reason)) in names:
-        assert strategy is not None
-        if times is not None and times.get(strategy) != _time(row.reason):
+    for strategy, time, before in _links(row):
+        if strategy not in names or (times is not None and times.get(strategy) != time):
             break
-        row = _one_before(row)
+        row = before
     return row
 
 
@@ -142,24 +134,24 @@ def rejected_axes(row: ImagePoint) -> Mapping[Axis, SwitchedBy]:
     """Return the coordinates of a row that strategies have switched off, and which did."""
     out: dict[Axis, SwitchedBy] = {}
     axes: tuple[Axis, ...] = ("x", "y")
-    while (strategy := said_by(row.reason)) is not None:
-        before = _one_before(row)
+    for strategy, _, before in _links(row):
         out |= {a: strategy for a in axes if before.counts(a) and not row.counts(a)}
         row = before
     return out
 
 
-def _time(reason: str | None) -> int:
-    """Return which time it was that a strategy said that."""
-    return int(_said(reason)["time"] or 1)
+def _links(row: ImagePoint) -> Iterator[tuple[SwitchedBy, int, ImagePoint]]:
+    """Yield which strategies have switched off something of a row, when, and the row before.
+
+    The last comes first.
+    """
+    while row.reason and (match := _BEFORE.fullmatch(row.reason)):
+        strategy = _strategy(match)
+        if strategy is None:
+            return
+        row = replace(row, use=cast("Use", match["use"] or "xy"), reason=match["reason"])
+        yield strategy, int(match["time"] or 1), row
 
 
-def _one_before(row: ImagePoint) -> ImagePoint:
-    match = _said(row.reason)
-    return replace(row, use=cast("Use", match["use"] or "xy"), reason=match["reason"])
-
-
-def _said(reason: str | None) -> re.Match[str]:
-    match = _BEFORE.fullmatch(reason or "")
-    assert match is not None
-    return match
+def _strategy(match: re.Match[str]) -> SwitchedBy | None:
+    return next((s for s in STRATEGIES if s == match["name"]), None)

@@ -6,9 +6,13 @@ from collections import deque
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, fields
 from itertools import repeat
+from operator import attrgetter
 from typing import Any, Literal, cast
 
-__all__ = ["ImagePoint", "Use", "image_points", "use_counts"]
+__all__ = ["ImagePoint", "Use", "image_points", "unchanged_ends", "use_counts"]
+
+_STEP = 512  # rows that are compared at a time
+_FILED = attrgetter("measured")
 
 Use = Literal["xy", "x", "y", "off"]
 """Which coordinates of an image point count."""
@@ -76,3 +80,33 @@ def image_points(*columns: Sequence[Any]) -> tuple[ImagePoint, ...]:
     for put, column in zip(_PUT, columns, strict=True):
         deque(map(put, rows, column), maxlen=0)
     return rows
+
+
+def unchanged_ends(
+    old: Sequence[ImagePoint], new: Sequence[ImagePoint], *, measured: bool = False
+) -> tuple[int, int]:
+    """Return how many rows at the beginning, and of the others at the end, are as they were.
+
+    Parameters
+    ----------
+    old, new
+        The rows; the same objects are not looked into.
+    measured
+        Whether what stands in the file counts, which is no part of what makes rows equal.
+    """
+    first = _unchanged(old, new, measured)
+    return first, _unchanged(old[first:][::-1], new[first:][::-1], measured)
+
+
+def _unchanged(old: Sequence[ImagePoint], new: Sequence[ImagePoint], measured: bool) -> int:
+    """Return how many rows at the beginning are as they were."""
+    count, most = 0, min(len(old), len(new))
+    for step in (_STEP, 1):
+        while count < most:
+            ours, theirs = new[count : count + step], old[count : count + step]
+            if ours != theirs or (
+                measured and list(map(_FILED, ours)) != list(map(_FILED, theirs))
+            ):
+                break
+            count += step
+    return min(count, most)

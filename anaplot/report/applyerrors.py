@@ -25,8 +25,8 @@ from anaplot.exchange.rejectedrows import (
     as_before,
     chain,
     last_times,
+    next_time,
     rejecting_reason,
-    times_applied,
 )
 from anaplot.photogrammetry.block import ImagePoint
 from anaplot.report.adjustcommand import adjust
@@ -177,7 +177,7 @@ def applied(
             *key, axis = name
             gone.setdefault(tuple(key), set()).add(cast("str", axis))
     rows = tuple(rows)
-    time = times_applied(rows).get(strategy, 0) + 1
+    time = next_time(rows, strategy)
     every, gone_points = {"x", "y"}, frozenset(points)
     return tuple(
         _without(

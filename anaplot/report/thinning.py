@@ -17,7 +17,7 @@ from anaplot.bundle.solve.unknownnames import unknowns_meant
 from anaplot.bundle.thinning.accuracy import Deviations, deviations
 from anaplot.bundle.thinning.imageparts import REGIONS
 from anaplot.bundle.thinning.thinning import Thinning, thin_block
-from anaplot.exchange.rejectedrows import rejecting_reason, times_applied
+from anaplot.exchange.rejectedrows import next_time, rejecting_reason
 from anaplot.photogrammetry.block import Block, ImagePoint
 from anaplot.photogrammetry.planting import PlantedError
 from anaplot.photogrammetry.posterior import CoordinateName
@@ -92,7 +92,7 @@ def thinned(before: AdjustedBlock, least: float, keep: Collection[str], watch: W
 def thinned_rows(rows: Iterable[ImagePoint], points: Collection[str]) -> tuple[ImagePoint, ...]:
     """Return rows of image_points.csv without those of some points; the reason is "thin"."""
     rows = tuple(rows)
-    time = times_applied(rows).get("thin", 0) + 1
+    time = next_time(rows, "thin")
     return tuple(
         replace(row, use="off", reason=rejecting_reason("thin", row.use, row.reason, time))
         if row.point in points and row.use != "off"

@@ -17,11 +17,12 @@ import subprocess
 import sys
 import threading
 import traceback
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import IO, NamedTuple, NoReturn
 
 from anaplot.photogrammetry.block import Block, ImagePoint
+from anaplot.photogrammetry.imagepoint import unchanged_ends
 from anaplot.station.blockview import BlockView
 from anaplot.station.blockviews import ElsewhereError, LiveViews, OvertakenError, fault
 from anaplot.textfiles.wording import plain, reason
@@ -209,9 +210,7 @@ class BlockProcess:
         known = self._said.withdraw()
         rows, before = tuple(block.image_points), known.rows
         bare = replace(block, image_points=())
-        first = _alike(rows, before)
-        room = min(len(rows), len(before)) - first
-        last = _alike(rows[::-1][:room], before[::-1][:room])
+        first, last = unchanged_ends(before, rows)
         asked: list[_Rows | _Asked] = [
             _Rows(rows[at : min(at + _CHUNK, len(rows) - last)])
             for at in range(first, len(rows) - last, _CHUNK)
@@ -293,18 +292,6 @@ def _thread(name: str, target: Callable[..., None], *given: object) -> threading
     thread = threading.Thread(target=target, args=given, name=name, daemon=True)
     thread.start()
     return thread
-
-
-def _alike(some: Sequence[ImagePoint], others: Sequence[ImagePoint]) -> int:
-    """Return how many rows at the beginning are alike; of most it takes no look at each."""
-    count = min(len(some), len(others))
-    at = 0
-    while at < count:
-        end = min(at + _CHUNK, count)
-        if some[at:end] != others[at:end]:
-            return at + next(k for k in range(end - at) if some[at + k] != others[at + k])
-        at = end
-    return count
 
 
 def _write(sink: IO[bytes], said: _Questions) -> None:

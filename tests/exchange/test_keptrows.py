@@ -21,9 +21,10 @@ from anaplot.exchange.blockfolder import (
     write_image_points,
 )
 from anaplot.exchange.imagepointscsv import reformat_image_points
-from anaplot.exchange.keptrows import Columns, rewritten, unchanged_ends
+from anaplot.exchange.keptrows import Columns, rewritten
 from anaplot.exchange.rejectedrows import rejecting_reason
 from anaplot.photogrammetry.block import ImagePoint
+from anaplot.photogrammetry.imagepoint import unchanged_ends
 from anaplot.textfiles.csvlines import CsvLine, CsvLines, cell_value, cells_of, with_value
 
 TOML = """format = 1
@@ -143,12 +144,13 @@ def test_a_row_that_stands_among_those_that_stay_is_refused(tmp_path: Path) -> N
 
 def test_ends_that_do_not_change_are_those_that_say_the_same_in_the_file() -> None:
     old = [ImagePoint("1", str(k), 0.5, 1.5, measured=(2.0, 3.0)) for k in range(1300)]
-    assert unchanged_ends(old, [replace(row) for row in old]) == (1300, 0)
+    assert unchanged_ends(old, [replace(row) for row in old], measured=True) == (1300, 0)
+    assert unchanged_ends(old, [replace(row, measured=None) for row in old]) == (1300, 0)
     new = [*old[:700], replace(old[700], measured=(2.0, 3.5)), *old[701:]]
-    assert unchanged_ends(old, new) == (700, 599)
-    assert unchanged_ends(old, [*old, old[0]]) == (1300, 0)
-    assert unchanged_ends(old, old[3:]) == (0, 1297)
-    assert unchanged_ends(old, []) == unchanged_ends([], old) == (0, 0)
+    assert unchanged_ends(old, new, measured=True) == (700, 599)
+    assert unchanged_ends(old, [*old, old[0]], measured=True) == (1300, 0)
+    assert unchanged_ends(old, old[3:], measured=True) == (0, 1297)
+    assert unchanged_ends(old, [], measured=True) == unchanged_ends([], old) == (0, 0)
 
 
 CELLS = st.text(st.sampled_from('ab", \t'), max_size=5)
