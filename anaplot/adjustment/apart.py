@@ -61,6 +61,7 @@ __all__ = [
     "RowsGiven",
     "WithoutRows",
     "clean_apart",
+    "places_without",
     "standardized",
 ]
 

@@ -12,7 +12,14 @@ from anaplot.bundle.start.resection import resect
 from anaplot.photogrammetry.collinearity import project, turns
 from anaplot.photogrammetry.similarity import Similarity, fit_similarity, line_of, robust_similarity
 
-__all__ = ["RESECTING", "SubBlock", "intersect_rays", "rays_of_photos", "unit_rays"]
+__all__ = [
+    "RESECTING",
+    "SubBlock",
+    "intersect_rays",
+    "median_miss",
+    "rays_of_photos",
+    "unit_rays",
+]
 
 
 RESECTING = "resecting photos"
