@@ -9,7 +9,7 @@ need no rule of thumb for how strips bend.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -18,9 +18,10 @@ from anaplot.aliases import Array, Index
 from anaplot.orientation.conditionequations import ModelUnknowns
 from anaplot.orientation.pair import Stereopair
 from anaplot.orientation.results import ModelSolution
-from anaplot.orientation.tieerrors import moved_by_errors
+from anaplot.orientation.tieerrors import MovedModel, moved_by_errors
 from anaplot.photogrammetry.collinearity import project_with_derivatives
 from anaplot.photogrammetry.rotation import rotation_matrix
+from anaplot.photogrammetry.similarity import similarity_effects
 
 __all__ = ["Located", "Pose", "StripGeometry", "extended", "in_photo", "widened"]
 
@@ -86,8 +87,24 @@ class StripGeometry:
     count: int
     vtpv: float
     redundancy: int
-    _seen: Mapping[str, Array] = field(repr=False)
-    _rays: Mapping[str, tuple[int, int]] = field(repr=False)
+    _last: MovedModel = field(repr=False)
+    _rows: Mapping[str, int] = field(repr=False)
+
+    def rays_of(self, point: str) -> Index | None:
+        """Return (2,) which errors a point's xr, yr have in the last model; None: it is not in."""
+        row = self._rows.get(point)
+        return None if row is None else self._last.columns[row, 2:]
+
+    def as_ties(self, points: Sequence[str]) -> Array:
+        """Return (n, 3, e) effects on points as the last model's right photo sees them [mm].
+
+        They are 0 for points that are not in that model.
+        """
+        out = np.zeros((len(points), 3, self.count))
+        there = [k for k, name in enumerate(points) if name in self._rows]
+        rows = np.array([self._rows[points[k]] for k in there], dtype=np.intp)
+        out[there] = self._last.points(rows)
+        return out
 
 
 def widened(errors: Array, count: int) -> Array:
@@ -109,31 +126,25 @@ def extended(
     pair, solution
         The model: what was measured, and how it was oriented.
     """
-    first = 0 if before is None else before.count
     n = len(pair.points)
     columns, count = _columns(before, pair)
-    rays = np.zeros((n, 4, count))
-    rays[np.arange(n)[:, None], np.arange(4), columns] = 1.0
-    ties = np.zeros((n, 3, count))
-    for k, name in enumerate(pair.points if before is not None else ()):
-        seen = before._seen.get(name) if before is not None else None
-        if seen is not None:
-            ties[k, :, :first] = seen
+    ties = np.zeros((n, 3, 0)) if before is None else before.as_ties(pair.points)
     rotation = rotation_matrix(*solution.rotation)
     base = np.array(solution.base)
     state = ModelUnknowns(base[0], base[1] / base[0], base[2] / base[0], rotation)
-    moved, unknowns = moved_by_errors(pair, solution.tie_variance, state, rays, ties)
+    moved = moved_by_errors(
+        pair, solution.tie_variance, state, columns, count, ties, solution.exact
+    )
     left = _left(before, pair, count)
     centre = left.centre + base
     # the left photo carries the model with it
-    moved_base = base[:, None] * unknowns[0]
-    moved_base[1:] += base[0] * unknowns[1:3]
-    turn = left.errors[3:] + unknowns[3:]
-    shift = left.errors[:3] + np.cross(left.errors[3:].T, base).T + moved_base
+    moved_base = base[:, None] * moved.unknowns[0]
+    moved_base[1:] += base[0] * moved.unknowns[1:3]
+    turn = left.errors[3:] + moved.unknowns[3:]
+    shift = similarity_effects(base[None])[0, :, :6] @ left.errors + moved_base
     right = Pose(pair.c_right, centre, rotation, np.concatenate((shift, turn)))
     xyz = np.array([p[1:] for p in solution.points]).reshape(-1, 3)
-    errors = np.einsum("ab,kbe->kae", rotation, moved) + shift
-    errors += np.cross(turn.T[None], (xyz - centre)[:, None]).transpose(0, 2, 1)
+    errors = moved.carried_by(rotation, xyz - centre, right.errors)
     good = np.isfinite(xyz).all(axis=1) & np.isfinite(errors).all(axis=(1, 2))
     kept = [(k, name) for k, name in enumerate(pair.points) if good[k]]
     photos: dict[str, Pose] = {}
@@ -151,8 +162,8 @@ def extended(
         count,
         vtpv + (0.0 if before is None else before.vtpv),
         f + (0 if before is None else before.redundancy),
-        {name: moved[k] for k, name in kept},
-        {name: (int(columns[k, 2]), int(columns[k, 3])) for k, name in kept},
+        moved,
+        {name: k for k, name in kept},
     )
 
 
@@ -161,7 +172,7 @@ def _columns(before: StripGeometry | None, pair: Stereopair) -> tuple[Index, int
     count = 0 if before is None else before.count
     columns = np.empty((len(pair.points), 4), dtype=np.intp)
     for k, name in enumerate(pair.points):
-        once = before._rays.get(name) if before is not None and name in pair.once else None
+        once = before.rays_of(name) if before is not None and name in pair.once else None
         fresh = 4 if once is None else 2
         columns[k, 4 - fresh :] = np.arange(count, count + fresh)
         if once is not None:

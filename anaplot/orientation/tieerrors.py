@@ -17,19 +17,22 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from anaplot.adjustment.leastsquares import Adjustment, MadeAgain
-from anaplot.aliases import Array
+from anaplot.aliases import Array, Index
 from anaplot.errors import NotComputableError
 from anaplot.orientation.conditionequations import ConditionEquations, ModelUnknowns
 from anaplot.orientation.pair import Stereopair, TieErrors
 from anaplot.photogrammetry.block import TieVariance
 from anaplot.photogrammetry.conditions import coefficients
+from anaplot.photogrammetry.similarity import similarity_effects
 
 __all__ = [
     "ExactStatistics",
+    "MovedModel",
     "correlated_units",
     "exact_statistics",
     "misclosure_covariance",
@@ -181,10 +184,7 @@ def point_cofactors(
     The left photo is held, and in a first model the base: what is left are the errors of the
     image coordinates measured here, directly and by way of the orientation.
     """
-    tied = tuple(pair.points[k] for k in conditions.x_index)
-    m = len(tied)
-    free = TieErrors(tied, np.zeros((3 * m, 3 * m)), np.zeros((3 * m, 2 * m)))
-    rows = _RowDerivatives(replace(pair, tie_errors=free), conditions, state)
+    rows = _RowDerivatives(_with_free_ties(pair, conditions), conditions, state)
     return rows.points(rows.covariance())
 
 
@@ -235,7 +235,7 @@ def stationary_errors(
     count = len(index)
     none = TieErrors(tied, np.zeros((count, count)), np.zeros((count, 2 * len(tied))))
     rows = _RowDerivatives(replace(model, tie_errors=none), conditions, state)
-    _, turned, gain = rows.moves()
+    _, turned, gain = rows.from_right
     own = rows.carried(rows.covariance()).covariance[np.ix_(index, index)]
     t = (conditions.tie_points.T @ model.fixed.rotation).ravel()
     level = np.eye(count) - np.outer(t, t) / (t @ t)
@@ -253,10 +253,70 @@ def stationary_errors(
     return TieErrors(tied, own + moved @ (0.5 * (z + z.T)) @ moved.T, none.with_right)
 
 
+class MovedModel(NamedTuple):
+    """How e independent errors move a model, to first order.
+
+    The points are those as seen from the right photo. What e errors do to n of them is as much as
+    they are long, and is made of what follows where it is asked for.
+
+    Attributes
+    ----------
+    columns
+        (n, 4) which of the errors a point's xl, yl, xr, yr have.
+    direct
+        (n, 3, 4) derivatives of the points by them.
+    turned
+        (n, 3, 6) derivatives of the points by the unknowns.
+    unknowns
+        (6, e) effects on the unknowns: ln bx (0 in a first model), beta_y, beta_z, three turns
+        about the strip's axes.
+    """
+
+    columns: Index
+    direct: Array
+    turned: Array
+    unknowns: Array
+
+    def points(self, which: Index) -> Array:
+        """Return (m, 3, e) effects on some of the points [mm]."""
+        return self._effects(which, self.direct[which], self.turned[which], self.unknowns)
+
+    def carried_by(self, rotation: Array, arms: Array, photo: Array) -> Array:
+        """Return (n, 3, e) effects on the points in the system in which the right photo errs.
+
+        Parameters
+        ----------
+        rotation
+            (3, 3) from the right photo to that system.
+        arms
+            (n, 3) from its centre to the points there [mm].
+        photo
+            (6, e) effects on its centre [mm] and on a turn of it about that system's axes.
+        """
+        rigid = similarity_effects(arms)[:, :, :6]
+        by = np.concatenate((rotation @ self.turned, rigid), axis=2)
+        every = np.arange(len(arms))
+        moves = np.concatenate((self.unknowns, photo))
+        return self._effects(every, rotation @ self.direct, by, moves)
+
+    def _effects(self, which: Index, direct: Array, by: Array, moves: Array) -> Array:
+        out = by.reshape(3 * len(which), -1) @ moves
+        effects: Array = out.reshape(len(which), 3, -1)
+        at = np.arange(len(which))[:, None]
+        effects[at, :, self.columns[which]] += direct.transpose(0, 2, 1)
+        return effects
+
+
 def moved_by_errors(
-    pair: Stereopair, tie_variance: TieVariance, state: ModelUnknowns, rays: Array, ties: Array
-) -> tuple[Array, Array]:
-    """Say how errors move a model, to first order: its points and its unknowns.
+    pair: Stereopair,
+    tie_variance: TieVariance,
+    state: ModelUnknowns,
+    columns: Index,
+    count: int,
+    ties: Array,
+    exact: ExactStatistics | None = None,
+) -> MovedModel:
+    """Say how errors move a model, to first order.
 
     Parameters
     ----------
@@ -264,33 +324,43 @@ def moved_by_errors(
         The measurements, and the weights with which they were adjusted.
     state
         The converged unknowns.
-    rays
-        (n, 4, e) what each of e errors does to a point's xl, yl, xr, yr [mm].
+    columns, count
+        (n, 4) which of `count` errors a point's xl, yl, xr, yr [mm] have: each one of its own.
     ties
-        (n, 3, e) what it does to the points as ties, seen from the left photo [mm]; any where a
-        point is none.
-
-    Returns
-    -------
-    ndarray
-        (n, 3, e) its effect on the points as seen from the right photo [mm].
-    ndarray
-        (6, e) on the unknowns: ln bx (0 in a first model), beta_y, beta_z, three turns about the
-        strip's axes.
+        (n, 3, e) what the first e errors do to the points as ties, seen from the left photo [mm];
+        any where a point is none.
+    exact
+        The statistics of the model, where it has them: its derivatives are known then.
     """
-    conditions = ConditionEquations(pair, tie_variance)
-    tied = tuple(pair.points[k] for k in conditions.x_index)
-    known = TieErrors(
-        tied, np.zeros((3 * len(tied), 3 * len(tied))), np.zeros((3 * len(tied), 2 * len(tied)))
-    )
-    rows = _RowDerivatives(replace(pair, tie_errors=known), conditions, state)
-    direct, turned, gain = rows.moves()
-    unknowns = np.zeros((6, rays.shape[2]))
+    rows = _free_rows(pair, tie_variance, state) if exact is None else exact.rows
+    conditions = rows.conditions
+    direct, by_unknowns, gain = rows.from_right
+    n, m, first = len(columns), len(conditions.x_index), ties.shape[2]
+    steps = np.zeros((len(gain), count))
+    by_ties = ties[conditions.x_index].reshape(3 * m, first)
+    steps[:, :first] = -rows.gain_of_ties(gain) @ by_ties
+    steps[:, columns] -= rows.gain_of_rays(gain)
     used = conditions.unknown_rows()
-    unknowns[used] = -gain @ rows.misclosures(rays, ties[conditions.x_index])
-    points = np.einsum("kac,kce->kae", direct, rays)
-    points += (turned @ unknowns[used]).reshape(points.shape)
-    return points, unknowns
+    unknowns, turned = np.zeros((6, count)), np.zeros((n, 3, 6))
+    unknowns[used] = steps
+    turned[:, :, used] = by_unknowns.reshape(n, 3, -1)
+    return MovedModel(columns, direct, turned, unknowns)
+
+
+def _free_rows(
+    pair: Stereopair, tie_variance: TieVariance, state: ModelUnknowns
+) -> _RowDerivatives:
+    """Return a model's rows with ties that have no error."""
+    conditions = ConditionEquations(pair, tie_variance)
+    return _RowDerivatives(_with_free_ties(pair, conditions), conditions, state)
+
+
+def _with_free_ties(pair: Stereopair, conditions: ConditionEquations) -> Stereopair:
+    tied = tuple(pair.points[k] for k in conditions.x_index)
+    m = len(tied)
+    return replace(
+        pair, tie_errors=TieErrors(tied, np.zeros((3 * m, 3 * m)), np.zeros((3 * m, 2 * m)))
+    )
 
 
 def residual_weight(sigma: Array, design: Array) -> Array:
@@ -323,7 +393,7 @@ class _RowDerivatives(MadeAgain):
     def __init__(
         self, pair: Stereopair, conditions: ConditionEquations, state: ModelUnknowns
     ) -> None:
-        self._pair, self._conditions, self._state = pair, conditions, state
+        self._pair, self.conditions, self._state = pair, conditions, state
         n, m = len(conditions.y_index), len(conditions.x_index)
         self._point = conditions.point
         self._ties = slice(n, n + m)
@@ -339,7 +409,7 @@ class _RowDerivatives(MadeAgain):
         if known is None:
             raise ValueError(f"model {pair.name}: its ties come without their covariance")
         at = {name: k for k, name in enumerate(known.points)}
-        ties = [at[pair.points[k]] for k in self._conditions.x_index]
+        ties = [at[pair.points[k]] for k in self.conditions.x_index]
         index = np.array([3 * k + axis for k in ties for axis in (0, 1, 2)], dtype=np.intp)
         self._known = known.covariance.take(index, axis=0).take(index, axis=1)
         again = [k for k, name in enumerate(pair.points) if name in pair.once and name in at]
@@ -383,7 +453,7 @@ class _RowDerivatives(MadeAgain):
     def carried(self, sigma: Array) -> TieErrors:
         """Return covariance of the points as seen from the right photo, and with its rays."""
         names, n = self._pair.points, len(self._pair.points)
-        direct, turned, gain = self.moves()
+        direct, turned, gain = self.from_right
         with np.errstate(invalid="ignore"):
             mixed = self._common(direct).reshape(3 * n, -1) @ gain.T @ turned.T
             covariance = turned @ (gain @ sigma @ gain.T) @ turned.T - mixed - mixed.T
@@ -394,15 +464,9 @@ class _RowDerivatives(MadeAgain):
             with_right.reshape(n, 3, n, 2)[each, :, each] += direct[:, :, 2:]
         return TieErrors(names, covariance, with_right)
 
-    def misclosures(self, rays: Array, ties: Array) -> Array:
-        """Return (rows, e) of errors in the rays (n, 4, e) and in the ties with rows (m, 3, e)."""
-        out: Array = np.einsum("rkc,kce->re", self._by_image, rays)
-        out[self._ties] += np.einsum("ia,iae->ie", self._by_tie, ties)
-        return out
-
     def points(self, sigma: Array) -> Array:
         """Return (n, 3, 3) covariance of each point in the model's system."""
-        direct, turned, gain = self.moves(from_right=False)
+        direct, turned, gain = self._moves(from_right=False)
         n = len(direct)
         with np.errstate(invalid="ignore"):
             by_rows = turned.reshape(n, 3, -1) @ gain
@@ -420,7 +484,12 @@ class _RowDerivatives(MadeAgain):
             )
         return out
 
-    def moves(self, *, from_right: bool = True) -> tuple[Array, Array, Array]:
+    @cached_property
+    def from_right(self) -> tuple[Array, Array, Array]:
+        """What moves the points as seen from the right photo, as `_moves` has it."""
+        return self._moves(from_right=True)
+
+    def _moves(self, *, from_right: bool) -> tuple[Array, Array, Array]:
         """Say what moves the points, as seen from the right photo or in the model's system.
 
         Returns
@@ -432,7 +501,7 @@ class _RowDerivatives(MadeAgain):
         ndarray
             (u, rows) G: weighted misclosures dF move the unknowns by -G dF.
         """
-        conditions, state = self._conditions, self._state
+        conditions, state = self.conditions, self._state
         used = conditions.unknown_rows()
         weighted = conditions.evaluate(state)[used]
         gain = np.asarray(np.linalg.pinv(weighted.T), dtype=np.float64)
@@ -444,6 +513,12 @@ class _RowDerivatives(MadeAgain):
     def gain_of_ties(self, gain: Array) -> Array:
         """Return (u, 3m) G B_t."""
         return np.asarray(gain[:, self._ties] @ self._by_ties)
+
+    def gain_of_rays(self, gain: Array) -> Array:
+        """Return (u, n, 4) G B_l."""
+        _, n, of_point = self._by_image.shape
+        by_all = gain @ self._by_image.reshape(-1, n * of_point)
+        return np.asarray(by_all.reshape(-1, n, of_point))
 
 
 def _misclosure_derivatives(
@@ -480,8 +555,7 @@ def _point_derivatives(
     d_x1, d_x2 = np.zeros((3, n, 10)), np.zeros((3, n, 10))
     d_x1[:, :, :2] = pair.fixed.rotation[:, None, :2]
     d_x2[:, :, 2:4] = right[:, None, :2]
-    axes = np.eye(3)[:, None, :]
-    d_x2[:, :, 7:] = np.cross(axes, x2[:, :, None], axis=0)
+    d_x2[:, :, 7:] = _by_turns(x2)
     d_base = np.zeros((3, 1, 10))
     d_base[:, 0, 4] = base
     d_base[1, 0, 5] = d_base[2, 0, 6] = bx
@@ -499,5 +573,10 @@ def _point_derivatives(
         return np.asarray(moved.transpose(1, 0, 2))
     moved = moved - d_base
     seen = meet.points - base[:, None]
-    moved[:, :, 7:] -= np.cross(axes, seen[:, :, None], axis=0)
+    moved[:, :, 7:] -= _by_turns(seen)
     return np.asarray(np.einsum("ba,bkc->kac", right, moved))
+
+
+def _by_turns(at: Array) -> Array:
+    """Return (3, n, 3): what turns about the three axes do to (3, n) places."""
+    return similarity_effects(at.T)[:, :, 3:6].transpose(1, 0, 2)
