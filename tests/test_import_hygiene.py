@@ -16,6 +16,7 @@ from clibench import TIMEOUT, environment
 
 import anaplot
 from anaplot.exchange.blockfolder import write_control, write_image_points, write_new_block
+from anaplot.exchange.journal import Journal
 from anaplot.ondemand import UNASKED
 from anaplot.planning.blockplan import BlockPlan, plan_block
 
@@ -71,12 +72,18 @@ def test_the_command_line_starts_with_nothing(code: str) -> None:
         ("status", "FOLDER/declared"),
         ("status", "FOLDER/declared", "--json"),
         ("status", "FOLDER/declared", "--all"),
+        ("status", "FOLDER/opened"),
+        ("status", "FOLDER/opened", "--json"),
     ],
 )
 def test_what_computes_nothing_loads_no_mathematics(tmp_path: Path, words: tuple[str, ...]) -> None:
     planned = plan_block(BlockPlan(1, 3, 0.60, 0.30, 3, control_m=0.05)).block
-    write_new_block(tmp_path / "declared", replace(planned, image_points=(), control=()))
-    write_control(tmp_path / "declared", planned.control)
+    for name in ("declared", "opened"):
+        write_new_block(tmp_path / name, replace(planned, image_points=(), control=()))
+        write_control(tmp_path / name, planned.control)
+    # nothing is measured yet
+    (tmp_path / "opened" / "image_points.csv").write_text("photo,point,x,y\n")
+    Journal.open(tmp_path / "opened", {})[0].close()
     loaded = program(*(word.replace("FOLDER", str(tmp_path)) for word in words))
     rooms = {name.partition(".")[0] for name in loaded}
     assert "anaplot" in rooms

@@ -134,9 +134,14 @@ def with_image_points(folder: Path, block: Block) -> Block:
     # A link to nowhere is not an absent file: lexists leaves the complaint to the reader.
     if not os.path.lexists(points):
         return replace(block, image_points=ImagePoints(), in_pixels=False)
-    from anaplot.exchange.imagepointscsv import parse_image_points, points_in_pixels
+    from anaplot.exchange.measuredrows import image_point_rows, points_in_pixels
 
-    measured = parse_image_points(points, block)
+    table, of_photo = image_point_rows(points, block)
+    if not len(table):
+        return replace(block, image_points=ImagePoints(), in_pixels=points_in_pixels(points))
+    from anaplot.exchange.imagepointscsv import image_points_of
+
+    measured = image_points_of(table, of_photo)
     photos = block.photos
     if not block.strips and len(block.cameras) == 1:
         photos = with_photos(photos, measured.columns.photo.values, block.cameras[0].id)

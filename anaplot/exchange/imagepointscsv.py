@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import math
 from codecs import BOM_UTF8
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from io import BytesIO
 from operator import attrgetter
 from pathlib import Path
-from typing import Any, BinaryIO
 
 from anaplot.aliases import Array, Index
 from anaplot.errors import InputError
 from anaplot.exchange.keptrows import Columns, rewritten
-from anaplot.photogrammetry.block import Block, Camera, ImagePoint, Strip
+from anaplot.exchange.measuredrows import PIXELS, REASON, USE, image_point_rows, says_pixels
+from anaplot.photogrammetry.block import Block, Camera, ImagePoint
 from anaplot.photogrammetry.imagepoint import unchanged_ends
 from anaplot.photogrammetry.imagepoints import ImagePoints
 from anaplot.photogrammetry.measuredimage import (
@@ -34,54 +34,23 @@ from anaplot.photogrammetry.pointcolumns import (
     stand_again,
     stated_sigmas,
 )
-from anaplot.photogrammetry.selection import model_name, model_splits
-from anaplot.textfiles.csvtable import MAX_CSV_BYTES, CsvColumns, csv_text_of_columns, read_csv
-from anaplot.textfiles.inputfile import decoded, open_input
-from anaplot.textfiles.kinds import (
-    NAME,
-    NUMBER,
-    PHOTO,
-    SIGMA,
-    Blank,
-    Fields,
-    KnownName,
-    Text,
-    Word,
-    WrongValueError,
-)
+from anaplot.photogrammetry.selection import model_splits
+from anaplot.textfiles.csvtable import CsvColumns, csv_text_of_columns
+from anaplot.textfiles.inputfile import decoded
+from anaplot.textfiles.kinds import WrongValueError
 from anaplot.textfiles.names import name_fault
-from anaplot.textfiles.wording import hint, quoted
+from anaplot.textfiles.wording import quoted
 
 __all__ = [
     "format_image_points",
-    "measured_rows",
+    "image_points_of",
     "outside",
     "parse_image_points",
-    "points_in_pixels",
     "reformat_image_points",
 ]
 
-_PIXELS = ("x_px", "y_px")
-_HEADER = 10_000  # bytes
 _BESIDE = 0.5  # px that a coordinate may lie outside the image: programs differ by so much
 _key = attrgetter("photo", "point", "model")
-_USE = Word("xy", "x", "y", "off")
-
-
-class _Reason(Text):
-    """What a person says of a row: text of one line."""
-
-    def of(self, value: Any) -> str:
-        """Return the text."""
-        text = super().of(value)
-        if not text.isprintable():
-            raise WrongValueError("holds a character that cannot be printed")
-        if text != text.strip():
-            raise WrongValueError("begins or ends with a blank")
-        return text
-
-
-_REASON = _Reason(empty=False)
 
 
 def parse_image_points(path: Path, block: Block, raw: bytes | None = None) -> ImagePoints:
@@ -107,9 +76,18 @@ def parse_image_points(path: Path, block: Block, raw: bytes | None = None) -> Im
     InputError
         The first row that is wrong, with file, line and column.
     """
-    either = [{"x": NUMBER, "y": NUMBER}, dict.fromkeys(_PIXELS, NUMBER)]
-    table, of_photo = measured_rows(path, block, either, raw=raw)
-    names = _PIXELS if _PIXELS[0] in table.header else ("x", "y")
+    return image_points_of(*image_point_rows(path, block, raw))
+
+
+def image_points_of(table: CsvColumns, of_photo: Mapping[str, Camera]) -> ImagePoints:
+    """Return the image points that the rows of a file are, as `image_point_rows` has them.
+
+    Raises
+    ------
+    InputError
+        A coordinate that the photo's camera cannot have, or no camera sees.
+    """
+    names = PIXELS if PIXELS[0] in table.header else ("x", "y")
     model, use, reason = (Coded.read(table.coded(name)) for name in ("model", "use", "reason"))
     columns = read_columns(
         Coded.read(table.coded("photo")),
@@ -119,72 +97,6 @@ def parse_image_points(path: Path, block: Block, raw: bytes | None = None) -> Im
         (model, use, reason),
     )
     return ImagePoints(columns=_without_lenses(table, columns, of_photo))
-
-
-def measured_rows(
-    path: Path,
-    block: Block,
-    either: Sequence[Fields],
-    more: Fields | None = None,
-    raw: bytes | None = None,
-) -> tuple[CsvColumns, dict[str, Camera]]:
-    """Read a file of measured points, its coordinates as they stand there.
-
-    Parameters
-    ----------
-    path, block, raw
-        As `parse_image_points`.
-    either
-        Columns of coordinates, see `read_csv`.
-    more
-        Further columns that may be there.
-
-    Returns
-    -------
-    CsvColumns, dict[str, Camera]
-        The columns, and the camera of each photo.
-
-    Raises
-    ------
-    InputError
-        As `parse_image_points`.
-    """
-    cameras = {camera.id: camera for camera in block.cameras}
-    of_photo = {photo.id: cameras[photo.camera] for photo in block.photos}
-    named_here = not block.strips and len(block.cameras) == 1
-    table = read_csv(
-        path,
-        {
-            "photo": PHOTO if named_here else KnownName("photo", of_photo),
-            "point": NAME,
-        },
-        {
-            "sigma_um": Blank(SIGMA),
-            "model": Blank(Text()),
-            "use": Blank(_USE),
-            "reason": Blank(_REASON),
-            **(more or {}),
-        },
-        either,
-        raw,
-    )
-    if named_here:
-        of_photo.update(dict.fromkeys(table.coded("photo")[0], block.cameras[0]))
-    _check_models(table, of_photo, block.strips)
-    key = ("point", "photo", "model")
-    if stand_again(*(Coded.read(table.coded(name)) for name in key)).any():
-        table.refuse_twice(*key)
-    return table, of_photo
-
-
-def points_in_pixels(path: Path) -> bool:
-    """Return whether an image_points.csv that could be read has x_px, y_px instead of x, y."""
-    with open_input(path, MAX_CSV_BYTES) as file:
-        return _says_pixels(file)
-
-
-def _says_pixels(file: BinaryIO) -> bool:
-    return _PIXELS[0].encode() in file.readline(_HEADER)
 
 
 def format_image_points(points: Iterable[ImagePoint], block: Block | None = None) -> str:
@@ -221,7 +133,7 @@ def format_image_points(points: Iterable[ImagePoint], block: Block | None = None
         beside.append(("use", columns.use.listed))
     if any(reason is not None for reason in columns.reason.values):
         beside.append(("reason", columns.reason.listed))
-    xy = _PIXELS if block is not None and block.in_pixels else ("x", "y")
+    xy = PIXELS if block is not None and block.in_pixels else ("x", "y")
     return csv_text_of_columns(
         ("photo", "point", *xy, *(name for name, _ in beside)),
         len(rows),
@@ -262,7 +174,7 @@ def reformat_image_points(
         As `format_image_points`; the file cannot be read.
     """
     rows = points if isinstance(points, ImagePoints) else ImagePoints(points)
-    if _says_pixels(BytesIO(raw)) != block.in_pixels:
+    if says_pixels(BytesIO(raw)) != block.in_pixels:
         return format_image_points(rows, block)
     first, old, new = 0, None, rows
     if found is not None:
@@ -286,7 +198,7 @@ def _written(rows: ImagePoints, block: Block) -> Columns:
     columns = rows.columns
     sigmas = columns.sigma_um
     x, y = _as_measured(rows, block).T.tolist()
-    names = _PIXELS if block.in_pixels else ("x", "y")
+    names = PIXELS if block.in_pixels else ("x", "y")
     return {
         "photo": columns.photo.listed(),
         "point": columns.point.listed(),
@@ -333,7 +245,7 @@ def _without_lenses(
     InputError
         A coordinate that the photo's camera cannot have, or no camera sees.
     """
-    pixels = _PIXELS[0] in table.header
+    pixels = PIXELS[0] in table.header
     if not pixels:
         row = first_beyond_reach(columns, cameras)
         if row is not None:
@@ -352,7 +264,7 @@ def _without_lenses(
         unseen = (found != found).any(axis=1)
         if unseen.any():
             what = f"the lens of camera {quoted(camera.id)} images nothing there"
-            raise table.fail(int(rows[unseen.argmax()]), _PIXELS[0] if pixels else "x", what)
+            raise table.fail(int(rows[unseen.argmax()]), PIXELS[0] if pixels else "x", what)
         ideal[rows] = found
     return replace(columns, xy=ideal, measured=measured)
 
@@ -362,10 +274,10 @@ def _check_pixels(table: CsvColumns, rows: Index, places: Array, camera: Camera)
     if camera.pixels is None:
         raise table.fail(
             int(rows[0]),
-            _PIXELS[0],
+            PIXELS[0],
             f"camera {quoted(camera.id)} states no pixels = [width, height]",
         )
-    for name, most, values in zip(_PIXELS, camera.pixels, places.T, strict=True):
+    for name, most, values in zip(PIXELS, camera.pixels, places.T, strict=True):
         beside = (values < -_BESIDE) | (values > most + _BESIDE)
         if beside.any():
             at = int(beside.argmax())
@@ -388,52 +300,6 @@ def outside(table: CsvColumns, row: int, camera: Camera, x: float, y: float) -> 
         f"{value:g} mm lies outside {limit} of camera {quoted(camera.id)} "
         f"(-{most:g} to {most:g} mm)",
     )
-
-
-def _check_models(table: CsvColumns, photos: Iterable[str], strips: Collection[Strip]) -> None:
-    """Refuse a model that is none of the strips', or not one of the row's photo.
-
-    Without strips every pair of photos may have been a model.
-    """
-    if not any(table.coded("model")[0]):
-        return
-    known: dict[str, set[str]] = {photo: set() for photo in photos}
-    for strip in strips:
-        for left, right in strip.models():
-            known[left].add(model_name(left, right))
-            known[right].add(model_name(left, right))
-    rows = list(zip(table["photo"], table["model"], strict=True))
-    suspect = {(photo, model) for photo, model in set(rows) if model and model not in known[photo]}
-    for row, pair in enumerate(rows):
-        # one after another: what is near an unknown name is looked for among all of them
-        if pair in suspect:
-            fault = _model_fault(*pair, known, bool(strips))
-            if fault is not None:
-                raise table.fail(row, "model", fault)
-            suspect.remove(pair)
-
-
-def _model_fault(
-    photo: str, model: str, known: Mapping[str, Collection[str]], in_strip: bool
-) -> str | None:
-    splits = model_splits(model)
-    if not splits:
-        return f"{quoted(model)} must be of the form left/right"
-    fits = [split for split in splits if split[0] in known and split[1] in known]
-    if len(fits) > 1 and not in_strip:
-        return f"{quoted(model)}: slashes in names of photos: more than one pair is meant"
-    left, right = fits[0] if fits else splits[0]
-    for name in (left, right):
-        if name not in known:
-            return f"{quoted(model)}: unknown photo {quoted(name)}{hint(name, known)}"
-    if photo not in (left, right):
-        return f"{quoted(model)} does not contain the row's photo {quoted(photo)}"
-    if not in_strip:
-        return None if left != right else f"{quoted(model)}: a photo beside itself"
-    turned = model_name(right, left)
-    if turned in known[photo]:
-        return f"{quoted(model)}: in flight order it is {quoted(turned)}"
-    return f"{quoted(model)}: the two photos do not follow each other in a strip"
 
 
 def _surely_writable(rows: ImagePoints) -> bool:
@@ -479,7 +345,7 @@ def _check_writable(row: ImagePoint) -> None:
         raise _unwritable(row, "its coordinates are not finite")
     if row.sigma_um is not None and not (math.isfinite(row.sigma_um) and row.sigma_um > 0.0):
         raise _unwritable(row, "its sigma_um is not a finite number greater than 0")
-    for what, kind in (("use", _USE), ("reason", Blank(_REASON))):
+    for what, kind in (("use", USE), ("reason", REASON)):
         try:
             kind.of(getattr(row, what))
         except WrongValueError as error:

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from anaplot.exchange.imagepointscsv import measured_rows
+from anaplot.exchange.measuredrows import measured_rows
 from anaplot.photogrammetry.block import Block, ImagePoint
 from anaplot.photogrammetry.plateunits import PLATE_UNITS
 from anaplot.textfiles.csvtable import CsvColumns

@@ -5,19 +5,20 @@ the image's do, (xi, eta) = f0 + F (x, y), so that a product of coordinates mean
 the plate lies in its holder; then
 
     x = (a0 + a1 xi + a2 eta + a3 xi eta) / (1 + c1 xi + c2 eta), and y alike.
+
+Here is what a transformation is; where places lead by it, `anaplot.photogrammetry.plateform` says.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from math import atan2, cos, hypot, pi, sin
-from typing import Literal, NamedTuple, get_args
-
-import numpy as np
+from typing import TYPE_CHECKING, Literal, NamedTuple, get_args
 
 from anaplot.aliases import Array
-from anaplot.errors import NotComputableError
-from anaplot.photogrammetry.planar import as_points, solve_pairs
+
+if TYPE_CHECKING:
+    from anaplot.photogrammetry.plateform import PlateForm
 
 __all__ = [
     "TITLES",
@@ -46,8 +47,6 @@ TITLES: dict[str, str] = {
 """What a person calls them."""
 
 _LARGEST = 1e15  # of a number in a transformation: no product of them overflows
-_STEPS = 50
-_CLOSED = 1e-12  # between a given image place and that of its inverse, relative
 
 Row4 = tuple[float, float, float, float]
 
@@ -149,6 +148,13 @@ class PlateTransformation:
         if not abs(a * d - b * c) > 1e-12 * (hypot(a, b) * hypot(c, d)):
             raise ValueError("a transformation that folds the plate into a line")
 
+    @property
+    def form(self) -> PlateForm:
+        """The same as arrays, which says of many places where they lead."""
+        from anaplot.photogrammetry.plateform import PlateForm  # what no place is asked of has none
+
+        return PlateForm.of(self.frame, self.numerator, self.denominator)
+
     def to_image(self, plate: Array) -> Array:
         """Return image coordinates in the fiducial system.
 
@@ -162,13 +168,11 @@ class PlateTransformation:
         ndarray
             (n, 2) [mm]; infinite or NaN on the vanishing line of a projective transformation.
         """
-        return self._evaluate(self._to_frame(as_points(plate)))[0]
+        return self.form.to_image(plate)
 
     def jacobian(self, plate: Array) -> Array:
         """Return (n, 2, 2) derivatives of `to_image` at (n, 2) plate coordinates [mm]."""
-        _, slope = self._evaluate(self._to_frame(as_points(plate)))
-        by_plate: Array = slope @ np.array(self.frame)[:, 1:]
-        return by_plate
+        return self.form.jacobian(plate)
 
     def to_plate(self, image: Array) -> Array:
         """Return plate coordinates, the inverse of `to_image`.
@@ -183,29 +187,7 @@ class PlateTransformation:
         NotComputableError
             A place to which no place of the plate belongs.
         """
-        wanted = as_points(image)
-        a = np.array(self.numerator)
-        c = np.array(self.denominator)
-        # without a product term the form is linear in (xi, eta): this is the inverse itself
-        at = solve_pairs(a[None, :, 1:3] - wanted[:, :, None] * c, wanted - a[:, 0])
-        if a[:, 3].any():
-            for _ in range(_STEPS):
-                value, slope = self._evaluate(at)
-                step = solve_pairs(slope, value - wanted)
-                at = at - step
-                size = np.abs(at).max(initial=0.0)
-                if not np.abs(step).max(initial=0.0) > 1e-15 * (1.0 + size):
-                    break
-        gap = np.abs(self._evaluate(at)[0] - wanted).max(axis=1, initial=0.0)
-        lost = np.flatnonzero(~(gap <= _CLOSED * (1.0 + np.abs(wanted).max(axis=1, initial=0.0))))
-        if lost.size:
-            x, y = wanted[lost[0]].tolist()
-            raise NotComputableError(
-                f"no place on the plate belongs to the image coordinates x = {x:.6g}, "
-                f"y = {y:.6g} mm"
-            )
-        frame = np.array(self.frame)
-        return solve_pairs(np.broadcast_to(frame[:, 1:], (len(at), 2, 2)), at - frame[:, 0])
+        return self.form.to_plate(image)
 
     def inverse_jacobian(self, image: Array) -> Array:
         """Return (n, 2, 2) derivatives of `to_plate` at (n, 2) image coordinates [mm].
@@ -215,10 +197,7 @@ class PlateTransformation:
         NotComputableError
             As `to_plate`.
         """
-        slope = self.jacobian(self.to_plate(image))
-        along_x = solve_pairs(slope, np.tile((1.0, 0.0), (len(slope), 1)))
-        along_y = solve_pairs(slope, np.tile((0.0, 1.0), (len(slope), 1)))
-        return np.stack((along_x, along_y), axis=2)
+        return self.form.inverse_jacobian(image)
 
     def placement(self) -> Placement:
         """Return how the photograph lies on the plate, at the origin of the fiducial system.
@@ -231,9 +210,7 @@ class PlateTransformation:
         NotComputableError
             The origin has no place on the plate.
         """
-        origin = np.zeros((1, 2))
-        (x, y) = self.to_plate(origin)[0].tolist()
-        (ax, bx), (ay, by) = self.inverse_jacobian(origin)[0].tolist()
+        (x, y), ((ax, bx), (ay, by)) = self.form.origin()
         mirrored = ax * by - ay * bx < 0.0
         rotation, across = atan2(ay, ax), atan2(by, bx)
         opening = rotation - across if mirrored else across - rotation
@@ -241,24 +218,6 @@ class PlateTransformation:
         return Placement(
             x, y, pi if rotation == -pi else rotation, shear, hypot(ax, ay), hypot(bx, by), mirrored
         )
-
-    def _to_frame(self, plate: Array) -> Array:
-        frame = np.array(self.frame)
-        at: Array = plate @ frame[:, 1:].T + frame[:, 0]
-        return at
-
-    def _evaluate(self, at: Array) -> tuple[Array, Array]:
-        """(n, 2) values and (n, 2, 2) derivatives with respect to (xi, eta)."""
-        a = np.array(self.numerator)
-        c = np.array(self.denominator)
-        xi, eta = at[:, 0], at[:, 1]
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            terms = np.column_stack((np.ones_like(xi), xi, eta, xi * eta))
-            under = 1.0 + at @ c
-            value: Array = (terms @ a.T) / under[:, None]
-            slope: Array = a[None, :, 1:3] + a[None, :, 3:] * at[:, None, ::-1]
-            slope = (slope - value[:, :, None] * c) / under[:, None, None]
-        return value, slope
 
 
 def random_placement(seed: int) -> PlateTransformation:
@@ -272,7 +231,9 @@ def random_placement(seed: int) -> PlateTransformation:
     seed
         The same seed gives the same placement.
     """
-    draw = np.random.default_rng(seed).uniform(-1.0, 1.0, 5).tolist()
+    from numpy.random import default_rng
+
+    draw = default_rng(seed).uniform(-1.0, 1.0, 5).tolist()
     return Placement(
         x=2.0 * draw[0],
         y=2.0 * draw[1],

@@ -327,12 +327,18 @@ def status_of(
 
 def _of_session(state: SessionState | None) -> tuple[Outlook | None, tuple[Recomputed, ...]]:
     """Return what follows from the model in work, and the models that are computed anew."""
-    if state is None:
-        return None, ()
-    from anaplot.session.recomputed import recomputed_models
-    from anaplot.session.workflow import outlook
+    ahead: Outlook | None = None
+    recomputed: tuple[Recomputed, ...] = ()
+    # what computes is loaded where there is something to compute
+    if state is not None and state.current is not None:
+        from anaplot.session.workflow import outlook
 
-    return None if state.current is None else outlook(state), recomputed_models(state)
+        ahead = outlook(state)
+    if state is not None and state.recomputed:
+        from anaplot.session.recomputed import recomputed_models
+
+        recomputed = recomputed_models(state)
+    return ahead, recomputed
 
 
 def _bridged(

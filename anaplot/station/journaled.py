@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -10,6 +11,7 @@ from anaplot.errors import InputError
 from anaplot.photogrammetry.block import Block
 
 if TYPE_CHECKING:
+    from anaplot.exchange.recordline import JournalRecord
     from anaplot.session.state import SessionState
     from anaplot.station.editedrows import EditedRow
 
@@ -61,16 +63,24 @@ def journaled(folder: Path, block: Block) -> Journaled:
         return Journaled()
     from anaplot.exchange.journal import read_journal
     from anaplot.session.events import EVENT_KINDS
+    from anaplot.session.state import start
+
+    try:
+        records = read_journal(folder, keep=lambda kind: kind in EVENT_KINDS).records
+        if not records:
+            return Journaled(start(block))  # nothing happened that a file could differ from
+        return _compared(folder, block, records)
+    except InputError as error:
+        return Journaled(unread=f"the journal was not read: {error}")
+
+
+def _compared(folder: Path, block: Block, records: Iterable[JournalRecord]) -> Journaled:
     from anaplot.station.edited import decided_rows, edited_rows
     from anaplot.station.imagepoints import accepted_ever
     from anaplot.station.rejectedelsewhere import elsewhere
     from anaplot.station.restored import restored
 
-    try:
-        records = read_journal(folder, keep=lambda kind: kind in EVENT_KINDS).records
-        events, state = restored(block, (one for one in records if one.kind in EVENT_KINDS))
-        new, said = elsewhere(folder, block, state, events)
-        edited = edited_rows(folder, block, said, accepted_ever(events))
-        return Journaled(state, (*decided_rows(block, state, new), *edited))
-    except InputError as error:
-        return Journaled(unread=f"the journal was not read: {error}")
+    events, state = restored(block, records)
+    new, said = elsewhere(folder, block, state, events)
+    edited = edited_rows(folder, block, said, accepted_ever(events))
+    return Journaled(state, (*decided_rows(block, state, new), *edited))

@@ -55,7 +55,11 @@ def test_line_ends_of_other_systems_and_a_byte_order_mark_are_tolerated(make_blo
 
 
 def test_a_file_with_a_header_alone_holds_no_points(make_block):
-    assert read_block(make_block(points=HEADER)).image_points == ()
+    block = read_block(make_block(points=HEADER))
+    assert block.image_points == ()
+    assert len(block.image_points.columns) == 0
+    assert not block.in_pixels
+    assert read_block(make_block(points="point,x_px,y_px,photo\n")).in_pixels
 
 
 @pytest.mark.parametrize(

@@ -21,10 +21,10 @@ from anaplot.report.comparecommand import compare
 from anaplot.report.findcommand import find_gross_errors
 from anaplot.report.journalnote import session_note
 from anaplot.session.events import Event, ModelAccepted, RowSwitched, Undone
-from anaplot.session.state import SessionState, apply
+from anaplot.session.state import SessionState, apply, start
 from anaplot.station.edited import check_unedited
 from anaplot.station.imagepoints import rows_of
-from anaplot.station.journaled import journaled
+from anaplot.station.journaled import Journaled, journaled
 from anaplot.station.sessionlog import read_history
 from anaplot.station.station import Station
 from anaplot.textfiles.wording import quoted
@@ -280,3 +280,15 @@ def test_a_journal_that_cannot_be_read_is_noted_and_stands_in_nobodys_way(
         assert note["remark"].startswith("the journal was not read: ")
         assert words in note["remark"]
     assert text.endswith(f"note: {note['remark']}\n")
+
+
+def test_of_a_session_in_which_nothing_happened_no_file_differs(tmp_path: Path) -> None:
+    scene = Scene(3)
+    write_new_block(tmp_path / "b", scene.block)
+    Journal.open(tmp_path / "b", {})[0].close()
+    left, right = scene.block.strips[0].photos[:2]
+    rows = [ImagePoint(photo, "7", 1.0, 2.0, None, f"{left}/{right}") for photo in (left, right)]
+    write_image_points(tmp_path / "b", rows)
+    found = journaled(tmp_path / "b", read_block(tmp_path / "b"))
+    assert found == Journaled(start(read_block(tmp_path / "b")))
+    assert found.remark(tmp_path / "b") == ""
