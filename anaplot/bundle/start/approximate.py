@@ -74,8 +74,8 @@ def approximate_ways(problem: Problem) -> list[Way]:
     What the block states; bridged strips; the photos as oblique ones of a plane, then as vertical
     ones; bridged strips together with pairs in any attitude; such pairs alone. A way returns None
     where it does not apply, and raises NotComputableError where it does not get through. Level
-    photos whose rays miss by more than a fiftieth of c in the median, or that are not plainly
-    level, come last of all.
+    photos whose rays miss by more than a fiftieth of c in the median, less where few rays check
+    them, or that are not plainly level, come last of all.
     """
     put_off: list[Callable[[Progress | None], SubBlock | None]] = []
     rays, by_photo = unit_rays(problem), rays_of_photos(problem)
@@ -106,7 +106,7 @@ def approximate_ways(problem: Problem) -> list[Way]:
         if subblock is None:
             put_off.append(lambda then: vertical_subblock(problem, then, reach=LEVEL))
             return None
-        if _misses(problem, subblock) > _DOUBTFUL:
+        if _misses_by_far(problem, subblock):
             put_off.append(lambda _: subblock)
             return None
         return state_of(problem, subblock)
@@ -137,7 +137,17 @@ def approximate_ways(problem: Problem) -> list[Way]:
 
 def doubtful(problem: Problem, start: BlockState) -> bool:
     """Whether the rays of a start miss by so much that few steps tell whether it leads anywhere."""
-    return _misses(problem, SubBlock(start.centres, start.rotations, start.points)) > _DOUBTFUL
+    return _misses_by_far(problem, SubBlock(start.centres, start.rotations, start.points))
+
+
+def _misses_by_far(problem: Problem, subblock: SubBlock) -> bool:
+    """Whether rays miss by so much that a start often leads nowhere.
+
+    Unknowns take up a share of any misfit: points of two rays fit photos that are anything but
+    level, as only one of their four coordinates says so.
+    """
+    shown = np.sqrt(max(problem.redundancy, 1) / problem.observations)
+    return _misses(problem, subblock) > _DOUBTFUL * float(shown)
 
 
 def _misses(problem: Problem, subblock: SubBlock) -> float:
