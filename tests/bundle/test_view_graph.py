@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,9 +13,11 @@ from startkinds import KINDS, Layout, looking_in, measured, outside
 from anaplot.bundle.solve.gaussnewton import find_minimum
 from anaplot.bundle.solve.problem import Problem, make_problem
 from anaplot.bundle.solve.structure import make_structure
+from anaplot.bundle.start import seeds
 from anaplot.bundle.start.approximate import approximate_ways, doubtful
-from anaplot.bundle.start.seeds import grown_from_seed
-from anaplot.bundle.start.subblock import rays_of_photos, unit_rays
+from anaplot.bundle.start.relative import orient_pair
+from anaplot.bundle.start.seeds import grown_from_seed, rays_of_common_points, spread
+from anaplot.bundle.start.subblock import SubBlock, rays_of_photos, unit_rays
 from anaplot.bundle.start.viewgraph import view_graph
 
 
@@ -107,6 +110,40 @@ def test_what_is_left_grows_from_a_seed_that_reaches_most_of_it() -> None:
     assert state is not None
     found = find_minimum(problem, state, make_structure(problem, state.centres))
     assert found.convergence.last == pytest.approx(247.29, abs=0.01)
+
+
+def test_no_part_grows_where_another_has_grown(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(264)
+    problem = make_problem(measured(KINDS["few rays"](rng, 1), rng).block)
+    reached, n = np.zeros(10, dtype=bool), len(problem.photos)
+    grown: list[int] = []
+
+    def grow(problem: Problem, part: SubBlock, *rest: Any) -> None:
+        assert not reached[part.oriented].all()
+        spread(problem, part, *rest)
+        grown.append(int(part.oriented.sum()))
+        if 2 * grown[-1] > n:
+            reached[part.oriented] = True
+
+    monkeypatch.setattr(seeds, "spread", grow)
+    part = grown_from_seed(problem, unit_rays(problem), rays_of_photos(problem))
+    assert part is not None
+    assert part.oriented.sum() == max(grown) < n
+
+
+def test_a_seed_has_no_orientation_in_which_its_rays_miss_far_more_than_in_another() -> None:
+    rng = np.random.default_rng(264)
+    problem = make_problem(measured(KINDS["few rays"](rng, 1), rng).block)
+    rays, by_photo = unit_rays(problem), rays_of_photos(problem)
+    pairs = view_graph(problem).strongest(6, np.ones(len(problem.photos), dtype=bool))[:4]
+    nowhere, left_out = np.zeros(len(problem.photos), dtype=bool), 0
+    for pair, found in seeds._seeds(problem, rays, by_photo, pairs, nowhere):
+        one, other = rays_of_common_points(problem, by_photo, pair)
+        every = [each.error for each in orient_pair(rays[one], rays[other])]
+        limit = 10.0 * max(every[0], problem.sigma[0] / problem.c[0])
+        assert [each.error for each in found] == [error for error in every[:3] if error <= limit]
+        left_out += len(every[:3]) - len(found)
+    assert left_out > 0
 
 
 def test_a_photo_that_hangs_on_one_other_is_a_seed_with_that() -> None:

@@ -27,6 +27,7 @@ _SEEDS = 4  # pairs from which a part grows, at most
 _ORIENTED = 12  # pairs that are oriented to find them, at most
 _ANGLE = 0.04  # at which a seed shows its points [rad]
 _ORIENTATIONS = 3  # of a seed that are tried
+_WORSE = 10.0  # times the rays of one that is none miss each other, than those of the best
 _NEARLY = 0.9  # of the photos: a part that reaches so many is taken
 _GROWN = 4.0  # sigmas by which rays of a part grown from a good seed miss, in the median
 _DRIFT = 0.001  # share of c that they may miss by more than that: errors add up along a chain
@@ -69,7 +70,8 @@ def grown_from_seed(
     graph = view_graph(problem)
     beyond = ~graph.with_neighbours(among)
     pairs = graph.strongest(_FEWEST, among)[:_ORIENTED]
-    for count, (pair, orientations) in enumerate(_seeds(problem, rays, by_photo, pairs)):
+    reached = np.zeros(len(problem.photos), dtype=bool)
+    for count, (pair, orientations) in enumerate(_seeds(problem, rays, by_photo, pairs, reached)):
         if progress is not None:
             progress(PAIRS, count / _SEEDS)
         for found in orientations:
@@ -86,6 +88,7 @@ def grown_from_seed(
                 return part
             if error < fits and 2 * score[0] > n:
                 # this is how the pair is oriented: what it does not reach, another may
+                reached |= part.oriented
                 break
         if best is not None and best_score[0] == n and count >= 1:
             break
@@ -93,20 +96,25 @@ def grown_from_seed(
 
 
 def _seeds(
-    problem: Problem, rays: Array, by_photo: list[Index], pairs: Index
+    problem: Problem, rays: Array, by_photo: list[Index], pairs: Index, reached: Bools
 ) -> Iterator[tuple[Index, list[RelativeOrientation]]]:
     """Yield pairs of photos with possible orientations, the best seeds first.
 
     Of pairs with most common points those that show them at an angle; where there are too few,
-    those that come nearest to it.
+    those that come nearest to it. None with both photos among those that, by then, are `reached`.
     """
     flat: list[tuple[Index, list[RelativeOrientation]]] = []
     good = 0
+    sharp = float(np.median(problem.sigma) / np.median(problem.c))
     for pair in pairs:
+        if reached[pair].all():
+            continue
         one, other = rays_of_common_points(problem, by_photo, pair)
         found = orient_pair(rays[one], rays[other])[:_ORIENTATIONS]
         if not found:
             continue
+        reach = _WORSE * max(found[0].error, sharp)
+        found = [each for each in found if each.error <= reach]
         if found[0].angle < _ANGLE:
             flat.append((pair, found))
             continue
