@@ -7,6 +7,7 @@ block can be linearised: here it is adjusted without all that is far off from a 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -41,6 +42,7 @@ __all__ = [
 
 
 _ROUNDS = 4
+_FITS = 4.0  # sigma0 up to which what is left fits
 _TELL = 7  # equations of a point from which it is told which of its rays is wrong
 _VOTE = 6  # from which rays that all contradict what is known of it tell that this is wrong
 _ENOUGH = 0.01  # of a point's weakest direction that must be left
@@ -131,6 +133,10 @@ def minimum_without_misfits(
 ) -> tuple[Problem, Minimum] | None:
     """Return the bundle without what is far off from a robust solution, and its minimum.
 
+    A robust solution that wrong rays at control have bent leaves that control off, or all rays of
+    it, and without these little holds the block. Where that is no minimum, the rays that miss most
+    are out alone, one of each point, as long as everything else fits then.
+
     Parameters
     ----------
     problem, structure
@@ -146,9 +152,24 @@ def minimum_without_misfits(
         The bundle also lacks the points of which too little is left. None where no minimum is found
         either, or control free of error is far off.
     """
+    for blamed in (_control_believed, _worst_of_points):
+        found = _minimum_without(problem, structure, start, blamed, progress)
+        if found is not None and (blamed is _control_believed or _fits(*found)):
+            return found
+    return None
+
+
+def _minimum_without(
+    problem: Problem,
+    structure: Structure,
+    start: BlockState,
+    blamed: Callable[[Problem, FarOff], FarOff | None],
+    progress: Progress | None,
+) -> tuple[Problem, Minimum] | None:
+    """Return the bundle without what is blamed of what is far off, and its minimum."""
     runaway: BlockState | None = None
     for _ in range(_ROUNDS):
-        off = _control_believed(problem, far_off(problem, structure, start))
+        off = blamed(problem, far_off(problem, structure, start))
         if off is None:
             return None
         smaller, start = _without(problem, off), off.state
@@ -172,6 +193,31 @@ def minimum_without_misfits(
     return None
 
 
+def _fits(problem: Problem, found: Minimum) -> bool:
+    """Whether nothing else in a bundle is far off."""
+    return found.convergence.last <= _FITS**2 * max(problem.redundancy, 1)
+
+
+def _worst_of_points(problem: Problem, off: FarOff) -> FarOff:
+    """Blame of every point the ray that misses most, and no control."""
+    size = _sizes(problem, off.state)
+    size = np.where(off.rays, np.nan_to_num(size, nan=np.inf), -1.0)
+    most = np.full(len(problem.points), -1.0)
+    np.maximum.at(most, problem.point, size)
+    return off._replace(
+        rays=off.rays & (size >= most[problem.point]),
+        control=np.zeros_like(off.control),
+        priors=np.zeros_like(off.priors),
+        expected=np.zeros_like(off.expected),
+    )
+
+
+def _sizes(problem: Problem, state: BlockState) -> Array:
+    """(m,) what rays are off [mm]."""
+    e = counted_misclosures(problem, state)[0] * problem.sigma_xy
+    return np.asarray(np.linalg.norm(e, axis=1))
+
+
 def _control_believed(problem: Problem, off: FarOff) -> FarOff | None:
     """Blame rays, not control free of error; None where most rays of a point contradict it.
 
@@ -180,8 +226,7 @@ def _control_believed(problem: Problem, off: FarOff) -> FarOff | None:
     firm = off.control & problem.fixed.any(axis=1)
     if not firm.any():
         return off
-    size = np.linalg.norm(counted_misclosures(problem, off.state)[0] * problem.sigma_xy, axis=1)
-    wrong = firm[problem.point] & ~(size <= off.reach)
+    wrong = firm[problem.point] & ~(_sizes(problem, off.state) <= off.reach)
     count = np.bincount(problem.point, minlength=len(problem.points))
     # one ray is no majority: what is free of error tells that it is wrong
     majority = np.maximum(count // 2, 1)

@@ -30,15 +30,41 @@ _SAME = 0.03  # by which tilts differ that are the same [rad]
 _TRIED = 3  # of them
 _BASE = 0.02  # between two photos, as a share of the distance of the plane
 _ROUNDS = 4  # of weights of a homography
+_SAMPLES = 60  # of four points each, where so many points are wrong that weights do not do
+_AHEAD = 0.02  # cosine at least at which a photo looks at the plane
 _TILTED = 0.15  # of a plane against photos, in the median [rad]
 _CLEARLY = 3.0  # times worse a plane's other tilts fit
 
 
 class _Flat(NamedTuple):
-    """Photos beside a first one, and (v, 3, 3) from its rays to theirs: q ~ H p."""
+    """Photos beside a first one, and (v, 3, 3) from its rays to theirs: q ~ H p.
+
+    And those of its rays that lie on the plane, as one of the others shows.
+    """
 
     photos: list[int]
     homographies: Array
+    rays: Index
+
+
+class _Homography(NamedTuple):
+    """H with q ~ H p, rays in front of both photos.
+
+    And what it misses in the median, the size of q and (n,) what the points miss, as shares of c.
+    """
+
+    matrix: Array
+    off: float
+    size: float
+    misses: Array
+
+    def fits(self, sigma: float) -> bool:
+        """Whether points of such a sigma, a share of c, lie on a plane."""
+        return self.off <= self.reach(sigma)
+
+    def reach(self, sigma: float) -> float:
+        """Return by how much points of a plane may miss."""
+        return _SIGMAS * sigma + _RELIEF * self.size
 
 
 def grown_from_plane(
@@ -72,9 +98,8 @@ def grown_from_plane(
     flat = _flat_neighbours(problem, rays, by_photo, graph, first)
     if len(flat.photos) < 2:
         return None
-    mine = rays[by_photo[first]]
     parts = []
-    for normal in _normals(flat.homographies, mine):
+    for normal in _normals(flat.homographies, rays[flat.rays]):
         part = _seen_from(problem, first, flat, normal)
         part.place(problem, rays)
         against = part.rotations[[first, *flat.photos], :, 2] @ -normal
@@ -106,41 +131,79 @@ def _flat_neighbours(
     mine = mine[np.argsort(-graph.common[mine], kind="stable")][:_PHOTOS]
     photos: list[int] = []
     found: list[Array] = []
+    shown: list[Index] = []
     for k in mine.tolist():
         other = int(graph.pairs[k].sum()) - first
         one, two = rays_of_common_points(problem, by_photo, np.array([first, other]))
-        homography, off, size = _homography(rays[one], rays[two])
-        c = float(problem.c[other])
-        if off * c > _SIGMAS * float(np.median(problem.sigma[two])) + _RELIEF * size * c:
+        sigma = float(np.median(problem.sigma[two]) / problem.c[other])
+        homography = _homography(rays[one], rays[two], sigma)
+        if not homography.fits(sigma):
             if not photos:
                 break
             continue
-        stretch = np.linalg.svd(homography, compute_uv=False)
+        stretch = np.linalg.svd(homography.matrix, compute_uv=False)
         if stretch[0] < (1.0 + _BASE) * stretch[2]:
             # taken from the same place it shows the same of any object
             continue
         photos.append(other)
-        found.append(homography)
-    return _Flat(photos, np.array(found).reshape(-1, 3, 3))
+        found.append(homography.matrix)
+        shown.append(one[homography.misses <= _SIGMAS * homography.reach(sigma)])
+    on_plane = np.unique(np.concatenate(shown)) if shown else by_photo[first][:0]
+    return _Flat(photos, np.array(found).reshape(-1, 3, 3), on_plane)
 
 
-def _homography(p: Array, q: Array) -> tuple[Array, float, float]:
-    """Return H with q ~ H p, rays in front of both photos; what it misses, and the size of q.
+def _homography(p: Array, q: Array, sigma: float) -> _Homography:
+    """Return what leads from (n, 3) rays p to q, of which a minority may be wrong."""
+    found = _weighted_homography(p, q)
+    if found.fits(sigma):
+        return found
+    # mismatches far beyond the object have more leverage than weights take from them
+    misses = _sampled_misses(p, q)
+    agree = misses <= max(_SIGMAS * float(np.median(misses)), 1e-12)
+    if agree.all():
+        return found
+    less = _weighted_homography(p[agree], q[agree])
+    misses = np.full(len(p), np.inf)
+    misses[agree] = less.misses
+    again = less._replace(misses=misses, off=float(np.median(misses)))
+    return again if again.off < found.off else found
 
-    Both as shares of c. Points that miss by far lose their weight (Cauchy).
-    """
+
+def _sampled_misses(p: Array, q: Array) -> Array:
+    """(n,) misses as shares of c: least median over homographies of four points each."""
+    _, a = _normalised(p)
+    to_q, b = _normalised(q)
+    four = np.argsort(np.random.default_rng(0).random((_SAMPLES, len(p))), axis=1)[:, :4]
+    rows = _conditions(a[four], b[four])
+    h = np.linalg.eigh(np.matmul(rows.transpose(0, 2, 1), rows))[1][:, :, 0].reshape(-1, 3, 3)
+    seen = np.matmul(a, h.transpose(0, 2, 1))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        off = np.linalg.norm(seen[:, :, :2] / seen[:, :, 2:] - b[:, :2], axis=2)
+    off = np.nan_to_num(off, nan=np.inf)
+    best = off[int(np.argmin(np.median(off, axis=1)))]
+    return np.asarray(best / float(to_q[0, 0]))
+
+
+def _conditions(a: Array, b: Array) -> Array:
+    """(..., 2 n, 9) conditions of q ~ H p, linear in H, of (..., n, 3) points."""
+    zero = np.zeros_like(a)
+    return np.concatenate(
+        (
+            np.concatenate((a, zero, -b[..., :1] * a), axis=-1),
+            np.concatenate((zero, a, -b[..., 1:2] * a), axis=-1),
+        ),
+        axis=-2,
+    )
+
+
+def _weighted_homography(p: Array, q: Array) -> _Homography:
+    """Return a homography from all points; those that miss by far lose their weight (Cauchy)."""
     to_p, a = _normalised(p)
     to_q, b = _normalised(q)
     weight, depth = np.ones(len(p)), np.ones(len(p))
+    conditions = _conditions(a, b)
     for _ in range(_ROUNDS):
-        root = (np.sqrt(weight) / depth)[:, None]
-        zero = np.zeros_like(a)
-        rows = np.concatenate(
-            (
-                root * np.concatenate((a, zero, -b[:, :1] * a), axis=1),
-                root * np.concatenate((zero, a, -b[:, 1:2] * a), axis=1),
-            )
-        )
+        rows = np.tile(np.sqrt(weight) / depth, 2)[:, None] * conditions
         h = np.linalg.eigh(rows.T @ rows)[1][:, 0].reshape(3, 3)
         seen = a @ h.T
         depth = seen[:, 2]
@@ -150,7 +213,8 @@ def _homography(p: Array, q: Array) -> tuple[Array, float, float]:
     out = np.linalg.inv(to_q) @ h @ to_p
     out *= np.sign(np.median(np.einsum("ni,ni->n", q, p @ out.T)))
     scale = float(to_q[0, 0])
-    return out / np.cbrt(abs(np.linalg.det(out))), middle / scale, np.sqrt(2.0) / scale
+    matrix = out / np.cbrt(abs(np.linalg.det(out)))
+    return _Homography(matrix, middle / scale, np.sqrt(2.0) / scale, off / scale)
 
 
 def _normalised(rays: Array) -> tuple[Array, Array]:
@@ -173,7 +237,7 @@ def _normals(homographies: Array, rays: Array) -> list[Array]:
     tilt, around = np.meshgrid(_TILTS, 2.0 * np.pi * np.arange(_AZIMUTHS) / _AZIMUTHS)
     x, y = (np.sin(tilt) * np.cos(around)).ravel(), (np.sin(tilt) * np.sin(around)).ravel()
     normals = np.column_stack((x, y, -np.cos(tilt).ravel()))
-    normals = normals[(rays @ normals.T > 0.02).all(axis=0)]
+    normals = normals[(rays @ normals.T > _AHEAD).all(axis=0)]
     if not len(normals):
         return []
     cost = _cost(_bent(homographies, normals))
