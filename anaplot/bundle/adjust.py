@@ -104,7 +104,7 @@ def points_settled(
             with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
                 found, robust, _ = best_minimum(firm.bare, progress, firm)
                 # gross errors bend photographs until planes meet that are the same
-                state = found.state if robust is None else robust
+                state = found.state if robust is None else robust.state
                 return _looked_at_again(problem, *settled_points(problem, firm, state))
         except (NotComputableError, np.linalg.LinAlgError):
             continue
@@ -170,10 +170,11 @@ def _adjusted(
 ) -> AdjustedBlock:
     bare = problem.bare
     found, robust, whole = best_minimum(bare, progress, problem, start)
+    there, settled = (None, False) if robust is None else (robust.state, robust.settled)
     if bare is problem:
-        return evaluate(problem, found, robust=robust, progress=progress)
+        return evaluate(problem, found, robust=there, settled=settled, progress=progress)
     # orientations wait neither for additional parameters nor for conditions between points
-    return calibrated(problem, found.state, robust=robust, found=whole, progress=progress)
+    return calibrated(problem, found.state, robust=there, found=whole, progress=progress)
 
 
 def calibrated(
@@ -272,6 +273,7 @@ def evaluate(
     found: Minimum,
     *,
     robust: BlockState | None = None,
+    settled: bool = False,
     cofactors: Cofactors | None = None,
     progress: Progress | None = None,
 ) -> AdjustedBlock:
@@ -283,6 +285,8 @@ def evaluate(
         The bundle and its minimum.
     robust
         A robust solution, if there is one: where the search for gross errors starts.
+    settled
+        Whether the robust steps have ended there.
     cofactors
         Those of the minimum in the datum of the solution, where they are known.
     progress
@@ -308,13 +312,18 @@ def evaluate(
         vtpv=vtpv,
         redundancy=redundancy,
         v=linear.e,
-        warnings=tuple(_warnings(problem, found, sigma0, robust)),
+        warnings=tuple(_warnings(problem, found, sigma0, robust, settled)),
         robust=robust,
+        robust_settled=settled,
     )
 
 
 def _warnings(
-    problem: Problem, found: Minimum, sigma0: float | None, robust: BlockState | None
+    problem: Problem,
+    found: Minimum,
+    sigma0: float | None,
+    robust: BlockState | None,
+    settled: bool,
 ) -> list[str]:
     linear = found.normal.linear
     out = []
@@ -328,9 +337,8 @@ def _warnings(
     if problem.redundancy == 0:
         out.append("no redundancy: nothing is checked")
     if sigma0 is not None and sigma0 > TORN:
-        worst = robust_suspects(
-            problem, found.normal.structure, found.state if robust is None else robust
-        )
+        start = found.state if robust is None else robust
+        worst = robust_suspects(problem, found.normal.structure, start, settled=settled)
         out.append(
             f"sigma0 is {sigma0:.0f} times what was expected: there are gross errors"
             + "".join(f"; {suspect.what} is off by {suspect.size}" for suspect in worst[:3])

@@ -353,8 +353,10 @@ def _second_place(problem: Problem, first: AdjustedBlock) -> _Second | None:
         return None
     structure = first.cofactors.normal.structure
     start = first.state if first.robust is None else first.robust
+    # of the same observations: what was rejected before, the robust steps have not seen
+    settled = first.robust_settled and not first.problem.newly_rejected.any()
     try:
-        least = minimum_without_misfits(problem, structure, start)
+        least = minimum_without_misfits(problem, structure, start, settled=settled)
         if least is None:
             there = robust_state(problem, structure, start).state
             return _Second(first.problem, BlockPlace(there), ())

@@ -129,7 +129,12 @@ def points_gone(problem: Problem, reduced: Problem) -> tuple[str, ...]:
 
 
 def minimum_without_misfits(
-    problem: Problem, structure: Structure, start: BlockState, *, progress: Progress | None = None
+    problem: Problem,
+    structure: Structure,
+    start: BlockState,
+    *,
+    settled: bool = False,
+    progress: Progress | None = None,
 ) -> tuple[Problem, Minimum] | None:
     """Return the bundle without what is far off from a robust solution, and its minimum.
 
@@ -143,6 +148,8 @@ def minimum_without_misfits(
         The bundle.
     start
         Where robust steps begin.
+    settled
+        Whether they have been taken already, and the start is where they ended.
     progress
         Called with what is being done and the fraction of it.
 
@@ -153,7 +160,7 @@ def minimum_without_misfits(
         either, or control free of error is far off.
     """
     for blamed in (_control_believed, _worst_of_points):
-        found = _minimum_without(problem, structure, start, blamed, progress)
+        found = _minimum_without(problem, structure, start, settled, blamed, progress)
         if found is not None and (blamed is _control_believed or _fits(*found)):
             return found
     return None
@@ -163,13 +170,15 @@ def _minimum_without(
     problem: Problem,
     structure: Structure,
     start: BlockState,
+    settled: bool,
     blamed: Callable[[Problem, FarOff], FarOff | None],
     progress: Progress | None,
 ) -> tuple[Problem, Minimum] | None:
     """Return the bundle without what is blamed of what is far off, and its minimum."""
     runaway: BlockState | None = None
     for _ in range(_ROUNDS):
-        off = blamed(problem, far_off(problem, structure, start))
+        off = blamed(problem, far_off(problem, structure, start, settled=settled))
+        settled = False
         if off is None:
             return None
         smaller, start = _without(problem, off), off.state

@@ -67,6 +67,8 @@ class AdjustedBlock:
         Sentences for a person about the solution.
     robust
         A robust solution, where one was looked for because of gross errors, or None.
+    robust_settled
+        Whether more robust steps from there would hardly move anything.
     """
 
     problem: Problem = field(repr=False)
@@ -78,6 +80,7 @@ class AdjustedBlock:
     v: Array = field(repr=False)
     warnings: tuple[str, ...]
     robust: BlockState | None = field(default=None, repr=False)
+    robust_settled: bool = field(default=False, repr=False)
 
     @property
     def remarks(self) -> tuple[str, ...]:

@@ -22,6 +22,7 @@ __all__ = [
     "BesideRays",
     "Linearised",
     "Unknowns",
+    "beside_misclosures",
     "beside_rays",
     "counted_misclosures",
     "effect",
@@ -194,6 +195,14 @@ def objective(problem: Problem, state: BlockState) -> tuple[float, Array]:
     if given is not None:
         total += float(np.vdot(given.e, given.e))
     return (total if total == total else float("inf")), depth
+
+
+def beside_misclosures(problem: Problem, state: BlockState) -> tuple[Array, Array]:
+    """Return (photos, 6) and (2, points, 3) misclosures of what is stated of photos and points.
+
+    Whitened, as `linearise` has them.
+    """
+    return _photo_misclosures(problem, state)[0], _prior_misclosures(problem, state)[0]
 
 
 def _condition_equations(problem: Problem, state: BlockState) -> ConditionEquations | None:

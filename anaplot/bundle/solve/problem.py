@@ -35,7 +35,7 @@ from anaplot.photogrammetry.imagepoints import columns_of
 from anaplot.photogrammetry.pointcolumns import PointColumns
 from anaplot.photogrammetry.rotation import rotation_matrix
 
-__all__ = ["Datum", "LeftOut", "Problem", "listed", "make_problem", "remeasured"]
+__all__ = ["Datum", "LeftOut", "Problem", "listed", "make_problem", "of_rays", "remeasured"]
 
 Datum = Literal["control", "minimal", "free"]
 
@@ -562,6 +562,29 @@ def remeasured(problem: Problem, block: Block, ideal: Array) -> Problem:
     return replace(problem, block=block, xy=xy, without_lens=ideal)
 
 
+def of_rays(problem: Problem, rays: Index | Bools | slice) -> Problem:
+    """Return a bundle with some of its rays alone; its points stay what and where they are."""
+
+    def some(values: Array | None) -> Array | None:
+        return None if values is None else values[rays]
+
+    return replace(
+        problem,
+        photo=problem.photo[rays],
+        point=problem.point[rays],
+        xy=problem.xy[rays],
+        sigma=problem.sigma[rays],
+        source=problem.source[rays],
+        basis=problem.basis[rays],
+        without_lens=some(problem.without_lens),
+        additional_group=problem.additional_group[rays],
+        image_shift=some(problem.image_shift),
+        rejected=None if problem.rejected is None else problem.rejected[rays],
+        off=None if problem.off is None else problem.off[rays],
+        axis_factor=some(problem.axis_factor),
+    )
+
+
 def _offsets(block: Block, used: Index, priors: tuple[Array, ...]) -> LaidOffsets | None:
     names = [block.photos[k].id for k in used]
     return lay_out_offsets(block, names, priors[1][used], priors[3][used])
@@ -569,23 +592,8 @@ def _offsets(block: Block, used: Index, priors: tuple[Array, ...]) -> LaidOffset
 
 def _parted(problem: Problem, count: int, off: Bools) -> Problem:
     """Return a bundle with its first rays alone, and the others aside."""
-
-    def part(rays: slice) -> Problem:
-        return replace(
-            problem,
-            photo=problem.photo[rays],
-            point=problem.point[rays],
-            xy=problem.xy[rays],
-            sigma=problem.sigma[rays],
-            source=problem.source[rays],
-            basis=problem.basis[rays],
-            without_lens=None if problem.without_lens is None else problem.without_lens[rays],
-            additional_group=problem.additional_group[rays],
-            image_shift=None if problem.image_shift is None else problem.image_shift[rays],
-        )
-
     if not off.any():
         return problem
     its = off[:count] if off[:count].any() else None
-    aside = part(slice(count, None)) if count < len(off) else None
-    return replace(part(slice(count)), off=its, rejected=its, aside=aside)
+    aside = of_rays(problem, slice(count, None)) if count < len(off) else None
+    return replace(of_rays(problem, slice(count)), off=its, rejected=its, aside=aside)

@@ -34,6 +34,7 @@ __all__ = [
     "SEARCHES",
     "Way",
     "approximate_ways",
+    "completed_state",
     "doubtful",
     "extended_state",
     "grown_whole",
@@ -275,6 +276,24 @@ def grown_whole(
         subblock.centres[missing] = otherwise.centres[missing] + otherwise.origin
         subblock.rotations[missing] = otherwise.rotations[missing]
     return state_of(problem, _completed(problem, subblock, rays))
+
+
+def completed_state(problem: Problem, state: BlockState, kept: Bools) -> BlockState:
+    """Return a state with all points placed by its photos, but for those that are kept.
+
+    Parameters
+    ----------
+    problem, state
+        The bundle, and where its photos are.
+    kept
+        (points,) those that stay where they are.
+    """
+    subblock = SubBlock(state.centres.copy(), state.rotations, state.points.copy())
+    for part in (subblock.centres, subblock.points):
+        part += state.origin
+    subblock = _completed(problem, subblock, unit_rays(problem))
+    points = np.where(kept[:, None] | problem.fixed, state.points, subblock.points - state.origin)
+    return replace(state, points=points)
 
 
 def restricted(smaller: Problem, problem: Problem, state: BlockState) -> BlockState:

@@ -23,6 +23,7 @@ from anaplot.bundle.start.approximate import (
     approximate_ways,
     doubtful,
 )
+from anaplot.bundle.start.bysomepoints import oriented_by_some
 from anaplot.bundle.start.freenetwork import from_free_network
 from anaplot.bundle.start.pull import foreseen_torn, minimum_nearby, torn
 from anaplot.bundle.start.regrown import regrown
@@ -47,7 +48,7 @@ _CHANCE = 100  # rays up to which such a start may still lead there, by a long w
 
 def best_minimum(
     problem: Problem, progress: Progress | None, whole: Problem, first: BlockState | None = None
-) -> tuple[Minimum, BlockState | None, Minimum | None]:
+) -> tuple[Minimum, RobustState | None, Minimum | None]:
     """Return the best minimum of a bundle, from nothing but its measurements.
 
     One way after another to approximate values, until one leads to a minimum that fits the
@@ -66,7 +67,7 @@ def best_minimum(
 
     Returns
     -------
-    Minimum, state or None, minimum or None
+    Minimum, robust state or None, minimum or None
         The best minimum; a robust solution where one was looked for; the minimum of `whole`, where
         that was found on the way.
 
@@ -99,10 +100,10 @@ def best_minimum(
             best = found
         return found
 
-    def robust(at: BlockState, structure: Structure) -> RobustState | None:
+    def robust(at: BlockState, structure: Structure, of_some: bool = False) -> RobustState | None:
         nonlocal closest
         try:
-            solution = robust_state(problem, structure, at, progress=progress)
+            solution = robust_state(problem, structure, at, of_some=of_some, progress=progress)
         except (NotComputableError, np.linalg.LinAlgError):
             return None
         if closest is None or solution.off < closest.solution.off:
@@ -152,6 +153,10 @@ def best_minimum(
             # gross errors alone keep it from fitting: what least squares make of them means nothing
             tried = known
             continue
+        begun = start
+        some = oriented_by_some(problem, start, progress) if new else None
+        if some is not None:
+            start = some
         tries = _TRIES if way is None else way.tries
         found = minimum(start, structure, tries if wait or hopeless else None)
         if found is not None and fits(problem, found):
@@ -164,8 +169,7 @@ def best_minimum(
         if found is not None and by_lens is not None:
             return found, None, by_lens
         # the start hangs less on the last digits than where a search among gross errors ended
-        begun = start
-        solution = robust(start, structure)
+        solution = robust(start, structure, of_some=some is not None)
         while solution is not None and not solution.explains(problem):
             again = grown(solution)
             other = None if again is None else robust(again, structure)
@@ -217,8 +221,8 @@ def best_minimum(
     if best is not None and not (
         closest and torn(problem, best.convergence.last, closest.solution)
     ):
-        seen_from = None if closest is None else closest.solution.state
-        _check_minimum(problem, best, seen_from)
+        seen_from = None if closest is None else closest.solution
+        _check_minimum(problem, best, None if seen_from is None else seen_from.state)
         return best, seen_from, None
     if closest is not None and not (failure and closest.solution.misleads(problem)):
         return *_led_to(problem, closest, reached, progress), None
@@ -248,7 +252,7 @@ def _explained_by_lens(whole: Problem, found: Minimum, progress: Progress | None
 
 def _led_to(
     problem: Problem, closest: _Closest, reached: BlockState | None, progress: Progress | None
-) -> tuple[Minimum, BlockState]:
+) -> tuple[Minimum, RobustState]:
     """Return the minimum near the robust solution, and that.
 
     A few wild measurements may bend everything else out of shape. The search then goes round
@@ -264,7 +268,7 @@ def _led_to(
     if found is None:
         raise no_minimum_error(problem, structure, solution.state)
     _check_minimum(problem, found, solution.state)
-    return found, solution.state
+    return found, solution
 
 
 def _check_minimum(problem: Problem, found: Minimum, other: BlockState | None) -> None:

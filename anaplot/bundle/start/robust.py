@@ -12,7 +12,14 @@ from anaplot.bundle.solve.datum import anchor
 from anaplot.bundle.solve.factor import NotPositiveError
 from anaplot.bundle.solve.gaussnewton import NoConvergenceError, damped_step
 from anaplot.bundle.solve.imaging import BlockState
-from anaplot.bundle.solve.linearised import Linearised, linearise, move, objective
+from anaplot.bundle.solve.linearised import (
+    Linearised,
+    beside_misclosures,
+    counted_misclosures,
+    linearise,
+    move,
+    objective,
+)
 from anaplot.bundle.solve.normal import NormalEquations, PointError
 from anaplot.bundle.solve.openmovement import held_by_noise, undetermined
 from anaplot.bundle.solve.problem import Problem
@@ -137,14 +144,21 @@ class RobustSuspect(NamedTuple):
 
 
 def robust_suspects(
-    problem: Problem, structure: Structure, start: BlockState
+    problem: Problem, structure: Structure, start: BlockState, *, settled: bool = False
 ) -> list[RobustSuspect]:
     """Return the measurements that a robust adjustment leaves far off, the worst first.
 
     As `robust_state`; where that leaves many rays off, photos that fit badly are resected to the
     points of the others first.
+
+    Parameters
+    ----------
+    problem, structure, start
+        The bundle, and where the robust steps begin.
+    settled
+        Whether they have been taken already, and the start is where they ended.
     """
-    return _suspects(problem, _clearest(problem, structure, start))
+    return _suspects(problem, _clearest(problem, structure, start, settled))
 
 
 def _suspects(problem: Problem, clearest: _Clearest) -> list[RobustSuspect]:
@@ -210,9 +224,19 @@ class FarOff(NamedTuple):
     reach: float
 
 
-def far_off(problem: Problem, structure: Structure, start: BlockState) -> FarOff:
-    """Return what a robust adjustment leaves far off, by the measure of `robust_suspects`."""
-    clearest = _clearest(problem, structure, start)
+def far_off(
+    problem: Problem, structure: Structure, start: BlockState, *, settled: bool = False
+) -> FarOff:
+    """Return what a robust adjustment leaves far off, by the measure of `robust_suspects`.
+
+    Parameters
+    ----------
+    problem, structure, start
+        The bundle, and where the robust steps begin.
+    settled
+        Whether they have been taken already, and the start is where they ended.
+    """
+    clearest = _clearest(problem, structure, start, settled)
     misfits, held = clearest.misfits, clearest.held
     control = np.zeros(len(problem.points), dtype=bool)
     if held.any():
@@ -261,19 +285,24 @@ class _Clearest(NamedTuple):
     misfits: _Misfits
 
 
-def _clearest(problem: Problem, structure: Structure, start: BlockState) -> _Clearest:
+def _clearest(
+    problem: Problem, structure: Structure, start: BlockState, settled: bool = False
+) -> _Clearest:
     """Return the robust solution that leaves fewest rays off, with and without new orientations."""
-    state, held, least = _robust(problem, structure, start)
+    if settled:
+        state, (held, least) = start, _control(problem, start)
+    else:
+        state, held, least, _ = _robust(problem, structure, start)
     misfits = _misfits(problem, held, state)
     off = _off(problem, misfits.image)
     if off > max(1, len(misfits.image) // 200):
-        again, _, _ = _robust(problem, structure, reoriented(problem, start))
+        again, *_ = _robust(problem, structure, reoriented(problem, start))
         others = _misfits(problem, held, again)
         if _off(problem, others.image) <= off:
             state, misfits = again, others
     placed = placed_again(problem, state, OFF * problem.sigma)
     if placed is not None:
-        again, _, _ = _robust(problem, structure, placed)
+        again, *_ = _robust(problem, structure, placed)
         others = _misfits(problem, held, again)
         if _off(problem, others.image) < _off(problem, misfits.image):
             state, misfits = again, others
@@ -293,6 +322,8 @@ class RobustState(NamedTuple):
         How many rays and control points are off by more than 20 times what is expected.
     most_off
         The largest share of a photo's rays that are off.
+    settled
+        Whether more such steps would hardly move anything.
     """
 
     state: BlockState
@@ -300,6 +331,7 @@ class RobustState(NamedTuple):
     rays_off: int
     control_off: int
     most_off: float
+    settled: bool = False
 
     def explains(self, problem: Problem) -> bool:
         """Whether all but a few of the rays fit: what is off is wrong, not the orientations.
@@ -362,6 +394,8 @@ def robust_state(
     structure: Structure,
     start: BlockState,
     *,
+    of_some: bool = False,
+    enough: float = _ROBUST,
     progress: Progress | None = None,
 ) -> RobustState:
     """Return the state after some steps of a robust adjustment.
@@ -369,8 +403,21 @@ def robust_state(
     The sigma of every ray, control point and prior grows with its residual (Cauchy's weight
     function), so that gross errors lose their pull. The steps are damped; control free of error is
     weighted here, for it may be what is wrong.
+
+    Parameters
+    ----------
+    problem, structure, start
+        The bundle, and where the steps begin.
+    of_some
+        Whether the start is already such a state of some of the points, with the others placed by
+        it: one step with all of them settles it.
+    enough
+        Of n: squared change of the whitened residuals in a step that is the last one.
+    progress
+        Called with what is being done and the fraction of it.
     """
-    state, held, least = _robust(problem, structure, start, progress)
+    steps = 1 if of_some else _STEPS
+    state, held, least, settled = _robust(problem, structure, start, progress, steps, enough)
     image, control, *_ = _misfits(problem, held, state)
     off = control > OFF * np.nan_to_num(np.nanmax(np.where(held, least, 0.0), axis=1))
     rays_off = image > OFF * problem.sigma
@@ -380,6 +427,7 @@ def robust_state(
         int(rays_off.sum()),
         int((off & held.any(axis=1)).sum()),
         float(np.max(np.bincount(problem.photo, rays_off) / np.bincount(problem.photo))),
+        settled or of_some,
     )
 
 
@@ -399,12 +447,14 @@ def _robust(
     structure: Structure,
     start: BlockState,
     progress: Progress | None = None,
-) -> tuple[BlockState, Bools, Array]:
-    """Robust steps; also which coordinates are control, and its smallest sigmas [m]."""
-    held = problem.fixed | np.isfinite(problem.known_sigma)
-    seen = linearise(problem, start)
-    ground = float(np.median(np.abs(seen.depth) / problem.c[problem.photo] * problem.sigma))
-    least = np.where(problem.fixed, ground, np.nan_to_num(problem.known_sigma, nan=ground))
+    steps: int = _STEPS,
+    enough: float = _ROBUST,
+) -> tuple[BlockState, Bools, Array, bool]:
+    """Robust steps; also which coordinates are control, its smallest sigmas [m], and if it settled.
+
+    It has where the last step hardly moved anything.
+    """
+    held, least = _control(problem, start)
     soft = replace(
         problem,
         conditions=None,
@@ -415,9 +465,9 @@ def _robust(
     tie = anchor(problem, state) if problem.defect else None
     weights = None if tie is None else tie.weights
     damping = 1e-3
-    for done in range(_STEPS):
+    for done in range(steps):
         if progress is not None:
-            progress("robust solution", done / _STEPS)
+            progress("robust solution", done / steps)
         misfits = _misfits(problem, held, state)
         scale = misfits.ray_scale(problem)
         soft = replace(soft, sigma=scale * np.sqrt(1.0 + (misfits.image / scale) ** 2))
@@ -444,11 +494,20 @@ def _robust(
         trial = move(soft, state, *step.dx)
         if objective(soft, trial)[0] <= linear.vtpv:
             state, damping = trial, damping * 0.3
-            if step.change < _ROBUST * problem.observations:
-                break
+            if step.change < enough * problem.observations:
+                return state, held, least, True
         else:
             damping *= 10.0
-    return state, held, least
+    return state, held, least, False
+
+
+def _control(problem: Problem, state: BlockState) -> tuple[Bools, Array]:
+    """(points, 3) which coordinates are control, and its smallest sigmas [m]."""
+    held = problem.fixed | np.isfinite(problem.known_sigma)
+    depth = counted_misclosures(problem, state)[1]
+    ground = float(np.median(np.abs(depth) / problem.c[problem.photo] * problem.sigma))
+    least = np.where(problem.fixed, ground, np.nan_to_num(problem.known_sigma, nan=ground))
+    return held, least
 
 
 def reoriented(problem: Problem, start: BlockState) -> BlockState:
@@ -488,10 +547,10 @@ def reoriented(problem: Problem, start: BlockState) -> BlockState:
 
 
 def _misfits(problem: Problem, held: Bools, state: BlockState) -> _Misfits:
-    linear = linearise(problem, state)
-    e = linear.e * problem.sigma_xy
-    image = np.nan_to_num(np.linalg.norm(e, axis=1), nan=1e6, posinf=1e6)
+    e = counted_misclosures(problem, state)[0] * problem.sigma_xy
+    image = np.nan_to_num(np.hypot(*e.T), nan=1e6, posinf=1e6)
     off = np.where(held, state.points - (problem.known - state.origin), 0.0)
-    priors = np.abs(linear.photo_e).reshape(-1, 2, 3).max(axis=2)
-    expected = np.abs(linear.point_e[1]).max(axis=1)
+    of_photos, of_points = beside_misclosures(problem, state)
+    priors = np.abs(of_photos).reshape(-1, 2, 3).max(axis=2)
+    expected = np.abs(of_points[1]).max(axis=1)
     return _Misfits(image, np.linalg.norm(off, axis=1), priors, expected)

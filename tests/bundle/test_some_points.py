@@ -1,0 +1,147 @@
+"""Some points of a large block orient its photos, and lead where all of them lead."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bundleblocks import Scene
+from startkinds import drone, measured, with_mismatches
+
+from anaplot.bundle.adjust import adjust_problem
+from anaplot.bundle.errors.misfits import minimum_without_misfits
+from anaplot.bundle.solve import somepoints
+from anaplot.bundle.solve.imaging import BlockState
+from anaplot.bundle.solve.linearised import linearise
+from anaplot.bundle.solve.problem import Problem, make_problem
+from anaplot.bundle.solve.somepoints import of_points, some_points
+from anaplot.bundle.solve.structure import make_structure
+from anaplot.bundle.start.bysomepoints import oriented_by_some
+from anaplot.bundle.start.robust import far_off, robust_state
+
+
+def scene(mismatches: float = 0.0) -> Scene:
+    """Thirty photos of a drone with 16 600 rays, five points of control."""
+    rng = np.random.default_rng(11)
+    made = measured(replace(drone(rng, 1), share=1.0), rng)
+    return with_mismatches(made, rng, mismatches) if mismatches else made
+
+
+@pytest.fixture
+def few(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let small blocks count as large ones."""
+    monkeypatch.setattr(somepoints, "_LARGE", 100)
+    monkeypatch.setattr(somepoints, "_RAYS", 20)
+    monkeypatch.setattr(somepoints, "_FEWEST", 15)
+
+
+def rough(made: Scene, problem: Problem) -> BlockState:
+    return made.start(problem, np.random.default_rng(5), 1.0, 0.02)
+
+
+def test_a_small_block_is_not_parted() -> None:
+    assert some_points(make_problem(scene().block)) is None
+
+
+@pytest.mark.usefixtures("few")
+def test_every_photo_keeps_enough_rays_and_everything_known() -> None:
+    problem = make_problem(scene().block)
+    chosen = some_points(problem)
+    assert chosen is not None
+    rays = np.bincount(problem.photo)
+    kept = np.bincount(problem.photo[chosen[problem.point]], minlength=len(rays))
+    assert (kept >= np.minimum(rays, 15)).all()
+    assert kept.sum() < rays.sum() / 2
+    assert chosen[np.isfinite(problem.known).any(axis=1)].all()
+
+
+def test_some_points_have_the_rows_that_they_had_among_all() -> None:
+    made = scene()
+    problem = make_problem(made.block)
+    rng = np.random.default_rng(2)
+    rejected = rng.random((len(problem.photo), 2)) < 0.1
+    factor = rng.uniform(0.5, 2.0, (len(problem.photo), 2))
+    problem = replace(problem, rejected=rejected, axis_factor=factor)
+    chosen = rng.random(len(problem.points)) < 0.4
+    smaller = of_points(problem, chosen)
+    state = rough(made, problem)
+    every = linearise(problem, state)
+    some = linearise(smaller, replace(state, points=state.points[chosen]))
+    rays = chosen[problem.point]
+    for name in ("a", "b", "e", "depth"):
+        np.testing.assert_array_equal(getattr(some, name), getattr(every, name)[rays])
+    np.testing.assert_array_equal(some.point_e, every.point_e[:, chosen])
+    names = np.array(problem.points)
+    assert (np.array(smaller.points)[smaller.point] == names[problem.point[rays]]).all()
+    for group in smaller.groups:
+        its = smaller.point[group.ray_slice].reshape(group.points, group.rays)
+        assert (its == its[:, :1]).all()
+
+
+@pytest.mark.usefixtures("few")
+def test_some_points_lead_where_all_of_them_lead() -> None:
+    made = scene(mismatches=0.01)
+    problem = make_problem(made.block)
+    start = rough(made, problem)
+    structure = make_structure(problem, start.centres)
+    by_some = oriented_by_some(problem, start)
+    assert by_some is not None
+    settled = robust_state(problem, structure, by_some, of_some=True)
+    every = robust_state(problem, structure, start)
+    assert settled.settled
+    assert settled.explains(problem)
+    np.testing.assert_allclose(settled.misfit, every.misfit, rtol=0.05)
+    here = far_off(problem, structure, settled.state, settled=True)
+    there = far_off(problem, structure, every.state)
+    np.testing.assert_array_equal(here.rays, there.rays)
+    assert here.rays.any()
+
+
+@pytest.mark.usefixtures("few")
+def test_photos_that_lie_elsewhere_are_left_to_all_points() -> None:
+    made = scene()
+    problem = make_problem(made.block)
+    start = made.start(problem)
+    turned = start.rotations.copy()
+    turned[:6] = turned[:6] @ np.diag([-1.0, 1.0, -1.0])
+    assert oriented_by_some(problem, replace(start, rotations=turned)) is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mismatches", [0.0, 0.01])
+def test_the_minimum_is_the_same(mismatches: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    made = scene(mismatches)
+    problem = make_problem(made.block)
+    start = rough(made, problem)
+    before = adjust_problem(problem, start=start)
+    monkeypatch.setattr(somepoints, "_LARGE", 100)
+    monkeypatch.setattr(somepoints, "_RAYS", 20)
+    asked: list[BlockState | None] = []
+
+    def seen(*given: object) -> BlockState | None:
+        asked.append(oriented_by_some(*given))
+        return asked[-1]
+
+    monkeypatch.setattr("anaplot.bundle.start.bestminimum.oriented_by_some", seen)
+    after = adjust_problem(problem, start=start)
+    assert len(asked) == 1
+    assert asked[0] is not None
+    np.testing.assert_allclose(after.vtpv, before.vtpv, rtol=1e-11)
+    np.testing.assert_allclose(after.state.centres, before.state.centres, atol=1e-7)
+    if mismatches:
+        assert before.robust is not None
+        assert after.robust is not None
+        places = [
+            minimum_without_misfits(
+                problem,
+                block.cofactors.normal.structure,
+                block.robust,
+                settled=block.robust_settled,
+            )
+            for block in (before, after)
+        ]
+        first, second = places
+        assert first is not None
+        assert second is not None
+        np.testing.assert_array_equal(first[0].rejected, second[0].rejected)
