@@ -127,6 +127,24 @@ print(*sys.modules)"""
     return set(python(code).split())
 
 
+# what the console's first screen has no use for: pages, and a simulated instrument
+OF_PAGES = {
+    *("adjustment.strategies", "adjustment.pooling", "orientation.accuracy"),
+    *("orientation.grosserrors", "orientation.stripfit", "planning.synthetic"),
+    *("simulation.automatic", "simulation.demo", "simulation.instrument", "station.pointing"),
+    *("station.replay", "console.palette"),
+}
+
+
+def test_the_console_loads_what_its_first_screen_shows() -> None:
+    code = "import sys, anaplot.console.app, anaplot.simulation.opening\nprint(*sys.modules)"
+    loaded = set(python(code).split())
+    assert {"anaplot.console.screen", "anaplot.station.station"} <= loaded
+    assert "scipy.sparse" not in loaded
+    assert not {f"anaplot.{name}" for name in OF_PAGES} & loaded
+    assert not {name for name in OF_PAGES if importlib.util.find_spec(f"anaplot.{name}") is None}
+
+
 # what an adjustment that was asked for nothing more has no use for
 ASKED_FOR = {
     *("adjustment.strategies", "adjustment.variancecomponents"),

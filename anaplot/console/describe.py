@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 from anaplot.adjustment.tested import AppliedTest, Observation
 from anaplot.console.blockline import block_line
 from anaplot.console.inwork import in_work
 from anaplot.console.rows import ShownRow
-from anaplot.orientation.accuracy import ModelAccuracy, model_accuracy
 from anaplot.orientation.results import ModelSolution, Row
 from anaplot.photogrammetry.platetransformation import TITLES
 from anaplot.station.snapshot import InnerView, Snapshot
+
+if TYPE_CHECKING:
+    from anaplot.orientation.accuracy import ModelAccuracy
 
 __all__ = ["Entry", "advice_of", "describe_model", "describe_row", "describe_test"]
 
@@ -168,6 +171,8 @@ def _orientation(solution: ModelSolution) -> list[Entry]:
         f"{name} {math.degrees(value):.5f}"
         for name, value in zip(("omega", "phi", "kappa"), solution.rotation, strict=True)
     )
+    from anaplot.orientation.accuracy import model_accuracy  # loaded with the page
+
     accuracy = model_accuracy(solution)
     return [
         ("base", f"{base} mm"),

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from textual.binding import Binding, BindingType
 from textual.content import Content
 
-from anaplot.adjustment.findings import Findings, SearchSettings, SearchStep
-from anaplot.adjustment.strategies import STRATEGIES
 from anaplot.console.dialogs import Page
 from anaplot.console.text import cell, fit, fit_end, number, wrap
-from anaplot.orientation.grosserrors import strategy_findings
 from anaplot.orientation.results import ModelSolution
 from anaplot.textfiles.wording import plain
+
+if TYPE_CHECKING:
+    from anaplot.adjustment.findings import Findings, SearchStep
 
 __all__ = [
     "ABOUT",
@@ -25,9 +25,6 @@ __all__ = [
     "errors_lines",
     "model_findings",
 ]
-
-CHOICES = STRATEGIES
-"""Strategies in the order of the page."""
 
 FIRST = "search"
 """The strategy that the page begins with."""
@@ -43,6 +40,9 @@ ABOUT = {
     "search": "the best set of rows, found by adding, dropping and exchanging rows",
     "odds": "the most probable set of rows, the sizes of errors learned from the residuals",
 }
+CHOICES = tuple(ABOUT)
+"""Strategies in the order of the page."""
+
 _ROW, _SHOWN_STEPS = 18, 40
 _BENDS = 30.0  # w beyond which the second order shows in what the linearised model says
 
@@ -51,6 +51,10 @@ def model_findings(solution: ModelSolution, strategy: str) -> Findings | None:
     """Run a strategy on a model as it is oriented now; None where nothing can be tested."""
     if solution.redundancy < 1:
         return None
+    # loaded when a strategy is asked for, not with the first screen
+    from anaplot.adjustment.findings import SearchSettings
+    from anaplot.orientation.grosserrors import strategy_findings
+
     settings = SearchSettings(alpha=solution.test.alpha)
     return strategy_findings(solution, strategy, settings)
 

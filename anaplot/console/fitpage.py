@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import ClassVar, cast
+from typing import TYPE_CHECKING, ClassVar, cast
 
 from textual.binding import Binding, BindingType
 from textual.containers import VerticalScroll
@@ -12,8 +12,10 @@ from textual.content import Content
 
 from anaplot.console.computedpage import ComputedPage
 from anaplot.console.text import cell, fit, fit_end, number, wrap
-from anaplot.orientation.stripfit import Degree, FittedPoint, StripFit
-from anaplot.station.stripcontrol import StripOnControl
+
+if TYPE_CHECKING:
+    from anaplot.orientation.stripfit import Degree, FittedPoint, StripFit
+    from anaplot.station.stripcontrol import StripOnControl
 
 __all__ = ["FitChoice", "FitPage", "fit_lines"]
 
@@ -87,8 +89,10 @@ def chosen(strips: tuple[StripOnControl, ...] | None, choice: FitChoice) -> Stri
 
 def shown_points(one: StripOnControl, choice: FitChoice) -> tuple[FittedPoint, ...]:
     """Return the rows of a strip; without a fit its control has no discrepancies."""
-    if isinstance(one.fit, StripFit):
+    if not isinstance(one.fit, str):
         return one.fit.points
+    from anaplot.orientation.stripfit import FittedPoint  # loaded with the page
+
     unknown = (None, None, None)
     return tuple(
         FittedPoint(name, name not in choice.without, unknown, None, None, flagged=False)

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from rich.cells import cell_len
 from textual.content import Content
 
-from anaplot.adjustment.strategies import STRATEGIES
 from anaplot.console.errorspage import ABOUT
 from anaplot.console.keybar import show_key
 from anaplot.console.keys import ACTIONS, Action
@@ -110,7 +109,7 @@ _ERRORS = (
         "what order and on what evidence, with the size of the error where it can be told. The "
         "page chooses the strategy, and its verdict then stands among the advice.",
     ),
-    *((name, f"{ABOUT[name][0].upper()}{ABOUT[name][1:]}.") for name in STRATEGIES),
+    *((name, f"{about[0].upper()}{about[1:]}.") for name, about in ABOUT.items()),
 )
 
 _BLOCK = (

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
+from typing import TYPE_CHECKING
 
 from textual.app import App
 from textual.content import Content
@@ -25,8 +26,10 @@ from anaplot.console.rows import ShownRow
 from anaplot.console.stationlike import StationLike
 from anaplot.console.tiespage import TiesPage
 from anaplot.station.snapshot import Snapshot
-from anaplot.station.stripcontrol import StripOnControl
 from anaplot.textfiles.wording import plain
+
+if TYPE_CHECKING:
+    from anaplot.station.stripcontrol import StripOnControl
 
 __all__ = ["Pages"]
 

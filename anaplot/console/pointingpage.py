@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from textual.binding import Binding, BindingType
 from textual.content import Content
 
 from anaplot.console.computedpage import ComputedPage
 from anaplot.console.text import cell, fit, fit_end, number, wrap
-from anaplot.station.drift import Drift
-from anaplot.station.pointing import GroupTest, Pointing, PooledSigma
-from anaplot.station.pooledrows import Sigma
-from anaplot.station.repeatedpointing import RepeatedPointing
+
+if TYPE_CHECKING:
+    from anaplot.station.drift import Drift
+    from anaplot.station.pointing import GroupTest, Pointing, PooledSigma
+    from anaplot.station.pooledrows import Sigma
+    from anaplot.station.repeatedpointing import RepeatedPointing
 
 __all__ = ["PointingPage", "pointing_lines"]
 

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
-from anaplot.orientation.stripfit import Degree
-from anaplot.session.changes import Change
-from anaplot.session.commands import Command
-from anaplot.session.plates import ReadOut
-from anaplot.simulation.stereo import StereoPair
-from anaplot.station.pointing import Pointing
-from anaplot.station.snapshot import Snapshot
-from anaplot.station.stripcontrol import StripOnControl
+if TYPE_CHECKING:
+    from anaplot.orientation.stripfit import Degree
+    from anaplot.session.changes import Change
+    from anaplot.session.commands import Command
+    from anaplot.session.plates import ReadOut
+    from anaplot.simulation.stereo import StereoPair
+    from anaplot.station.pointing import Pointing
+    from anaplot.station.snapshot import Snapshot
+    from anaplot.station.stripcontrol import StripOnControl
 
 __all__ = ["ControlsLike", "StationLike"]
 

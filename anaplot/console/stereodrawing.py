@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from enum import IntEnum
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +12,10 @@ from rich.cells import cell_len
 
 from anaplot.console.braille import Canvas
 from anaplot.console.halftone import TONES, halftone, tones
-from anaplot.simulation.stereo import MarkedPoint
 from anaplot.textfiles.wording import plain
+
+if TYPE_CHECKING:
+    from anaplot.simulation.stereo import MarkedPoint
 
 __all__ = ["StereoLayer", "draw_patch", "patch_size"]
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import read_block
@@ -11,19 +12,17 @@ from anaplot.exchange.patternfile import is_pattern_file, read_pattern
 from anaplot.orientation.ownpattern import PointPattern
 from anaplot.orientation.patterns import pattern
 from anaplot.photogrammetry.block import Block
-from anaplot.planning.synthetic import Truth, synthetic_truth
-from anaplot.planning.syntheticblock import synthetic_plates
-from anaplot.planning.syntheticcamera import usual_format
-from anaplot.plotter.device.hand import Photographs
 from anaplot.plotter.profile import load_profile
-from anaplot.simulation.demo import rough
-from anaplot.simulation.instrument import PROFILE_OF_SIMULATION, SimulationSetup
-from anaplot.simulation.laidplates import laid_photographs, random_placements
 from anaplot.station.instrument import InstrumentSetup
 from anaplot.station.pointpattern import pattern_of_block, point_pattern_of
 from anaplot.station.pointsfile import BlockRead
 from anaplot.station.station import DEFAULT_PATTERN, Station
 from anaplot.textfiles.wording import place
+
+# what simulates is loaded where a plotter is simulated
+if TYPE_CHECKING:
+    from anaplot.planning.synthetic import Truth
+    from anaplot.plotter.device.hand import Photographs
 
 __all__ = ["check_options", "open_station", "plates_in", "truth_of"]
 
@@ -139,6 +138,10 @@ def open_station(
             story=story,
             read=read,
         )
+    from anaplot.simulation.demo import rough
+    from anaplot.simulation.instrument import PROFILE_OF_SIMULATION, SimulationSetup
+    from anaplot.simulation.laidplates import random_placements
+
     points = _synthetic(block, seed, chosen) if truth is None else _measured(block, truth)
     ready()
     return Station(
@@ -185,6 +188,8 @@ def plates_in(folder: Path, seed: int) -> tuple[Photographs, Photographs]:
     InputError
         As `truth_of`, or fiducials whose place is not known.
     """
+    from anaplot.simulation.laidplates import laid_photographs, random_placements
+
     block = read_block(folder)
     return laid_photographs(block, truth_of(folder), random_placements(block, seed))
 
@@ -206,6 +211,10 @@ def _synthetic(block: Block, seed: int, chosen: PointPattern) -> Truth:
     They hold what the point pattern asks for, beside the standard points.
     Strips of different cameras are flown each alone.
     """
+    from anaplot.planning.synthetic import synthetic_truth
+    from anaplot.planning.syntheticblock import synthetic_plates
+    from anaplot.planning.syntheticcamera import usual_format
+
     first = block.strips[0]
     camera = block.camera_of(first.photos[0])
     photos = [photo for strip in block.strips for photo in strip.photos]

@@ -5,10 +5,9 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection
 from pathlib import Path
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 from anaplot.aliases import Axis
-from anaplot.orientation.stripfit import Degree
 from anaplot.photogrammetry.block import Block
 from anaplot.session import commands
 from anaplot.session.changes import Change
@@ -16,10 +15,13 @@ from anaplot.session.commands import Command
 from anaplot.session.events import Reason
 from anaplot.session.state import SessionState
 from anaplot.station.audience import Audience
-from anaplot.station.pointing import Pointing, read_pointing
 from anaplot.station.sessionlog import SessionLog
 from anaplot.station.snapshot import Snapshot
-from anaplot.station.stripcontrol import StripOnControl, strips_on_control
+
+if TYPE_CHECKING:
+    from anaplot.orientation.stripfit import Degree
+    from anaplot.station.pointing import Pointing
+    from anaplot.station.stripcontrol import StripOnControl
 
 __all__ = ["Commanded"]
 
@@ -62,6 +64,8 @@ class Commanded(ABC):
         self, degree: Degree, without: Collection[str]
     ) -> tuple[StripOnControl, ...]:
         """Return the strips fitted to the control measured so far; nothing waits for it."""
+        from anaplot.station.stripcontrol import strips_on_control  # loaded with its page
+
         return strips_on_control(self.block, self.state, degree, without)
 
     @abstractmethod
@@ -84,6 +88,8 @@ class Commanded(ABC):
 
     def pointing(self) -> Pointing:
         """Return what it says of the precision of pointing, from its files and journal."""
+        from anaplot.station.pointing import read_pointing  # loaded with its page
+
         return read_pointing(self._session)
 
     @abstractmethod

@@ -13,7 +13,6 @@ from anaplot.session.changes import AcceptedInner, Change, ChangeLog, Happened
 from anaplot.session.events import EVENT_KINDS
 from anaplot.session.innerwork import solve_inner
 from anaplot.session.state import EventRefusedError
-from anaplot.station.replay import recorded_block
 
 __all__ = ["SessionLog", "read_history", "read_inner", "read_log"]
 
@@ -49,6 +48,8 @@ class SessionLog:
             if not history:
                 return ()
             if self._log is None:
+                from anaplot.station.replay import recorded_block  # loads the room of instruments
+
                 self._log = ChangeLog(recorded_block(self._session, records))
             try:
                 for happened in history[self._count :]:

@@ -5,6 +5,7 @@ from consolefake import FakeStation, console, picture
 from screenreading import text, until
 from testedrows import with_rows
 
+from anaplot.adjustment.strategies import STRATEGIES
 from anaplot.console.errorspage import CHOICES, errors_line, errors_lines, model_findings
 from anaplot.orientation.patterns import pattern
 from anaplot.orientation.results import ModelSolution
@@ -60,6 +61,10 @@ def test_reweighting_is_one_line_and_what_decided_is_shown(strategy: str) -> Non
     assert " times; v'Pv " in weighted[0]
     (first,) = [line for line in lines if line.split()[:1] == ["1"]]
     assert first.split()[1:4] == ["8", "y", "out"]
+
+
+def test_the_page_has_every_strategy_in_the_order_of_the_options() -> None:
+    assert CHOICES == STRATEGIES
 
 
 def test_nothing_wrong_nothing_said() -> None:
