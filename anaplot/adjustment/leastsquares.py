@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from anaplot.adjustment import lapack
 from anaplot.aliases import Array
 from anaplot.errors import NotComputableError
 
@@ -80,7 +81,10 @@ class Adjustment(MadeAgain):
     root
         (n,) their roots.
     triangle
-        (n or u + 1, u + 1) triangular factor of the rows: on and above its diagonal.
+        (n or u + 1, u + 1) triangular factor of the rows, on and above its diagonal; below it the
+        reflections that made it.
+    factors
+        (n or u + 1,) factors of these.
     basis
         (n, u) orthonormal columns that span those of the weighted design.
     closing
@@ -100,6 +104,7 @@ class Adjustment(MadeAgain):
     q_l: Array
     root: Array = field(repr=False)
     triangle: Array = field(repr=False)
+    factors: Array = field(repr=False)
     basis: Array = field(repr=False)
     closing: Array = field(repr=False)
     r: Array
@@ -129,25 +134,26 @@ class Adjustment(MadeAgain):
 
         Misclosures u move these by - back basis' (u / root).
         """
-        from scipy.linalg.lapack import dtrtri
-
         u = len(self.unknowns)
-        return np.asarray(dtrtri(np.triu(self.triangle[:u, :u]))[0])
+        return np.asarray(lapack.dtrtri(np.triu(self.triangle[:u, :u]))[0])
 
     @cached_property
     def q_xx(self) -> Array:
         """(u, u) cofactors of the unknowns."""
         return np.asarray(self.back.dot(self.back.T))
 
-    @property
-    def hat(self) -> Array:
-        """(n, n) projector on the columns of `basis`, basis basis'."""
-        return np.asarray(self.basis.dot(self.basis.T))
+    @cached_property
+    def complement(self) -> Array:
+        """(n, n - u) orthonormal columns orthogonal to `basis`; the first is along `closing`."""
+        n, u = self.basis.shape
+        reflections = np.zeros((n, n), order="F")
+        reflections[:, : len(self.factors)] = self.triangle[:, : len(self.factors)]
+        return np.asarray(lapack.dorgqr(reflections, self.factors)[0][:, u:])
 
     @cached_property
     def projector(self) -> Array:
-        """(n, n) what is left of weighted misclosures, 1 - `hat`."""
-        out: Array = -self.hat
+        """(n, n) what is left of weighted misclosures, 1 - basis basis'."""
+        out: Array = -self.basis.dot(self.basis.T)
         diagonal = np.einsum("ii->i", out)
         diagonal += 1.0
         return out
@@ -241,10 +247,6 @@ def adjust_weighted(
     unknowns, condition_limit
         As in `adjust`.
     """
-    # straight to LAPACK: the wrappers cost more than the decomposition of a model's size
-    # loaded with the first adjustment: scipy.linalg costs more than the rest of a start
-    from scipy.linalg.lapack import dgeqrf, dorgqr
-
     u, n = len(rows) - 1, rows.shape[1]
     # `dot` rather than @, whose way to BLAS is twice as long: rows of a model are few
     squares: list[float] = rows.dot(rows.T).diagonal().tolist()
@@ -257,8 +259,8 @@ def adjust_weighted(
     if n < u:
         raise _rank_defect(rows[:-1], unknowns, condition_limit, inf)
     # of n = u rows none is left to check: the triangle has no last row, and nothing is to close
-    triangle, factors, _, _ = dgeqrf(rows.T)
-    q, _, _ = dorgqr(triangle[:, : len(factors)], factors)
+    triangle, factors, _, _ = lapack.dgeqrf(rows.T)
+    q, _, _ = lapack.dorgqr(triangle[:, : len(factors)], factors)
     diagonal: list[float] = triangle.diagonal().tolist()
     determinant = 1.0
     for square, size in zip(squares, diagonal, strict=False):
@@ -276,6 +278,7 @@ def adjust_weighted(
         q_l=cofactors,
         root=root,
         triangle=triangle,
+        factors=factors,
         basis=basis,
         closing=q[:, u] * diagonal[u] if n > u else np.zeros(n),
         r=np.maximum(1.0 - hat.diagonal(), 0.0),
@@ -293,9 +296,7 @@ def _scaled(design: Array) -> Array:
 
 def _singular_values(design: Array) -> list[float]:
     """Singular values of (u, n) transposed rows, columns scaled; none where they do not come."""
-    from scipy.linalg.lapack import dgesdd
-
-    _, singular, _, info = dgesdd(_scaled(design), full_matrices=0)
+    _, singular, _, info = lapack.dgesdd(_scaled(design), full_matrices=0)
     return [] if info else singular.tolist()
 
 

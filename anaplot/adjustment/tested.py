@@ -336,7 +336,7 @@ class Tested(Generic[K]):
     @cached_property
     def odds(self) -> Odds:
         """Probabilities of a gross error in each row, and of none."""
-        return error_odds(self.evidence, np.abs(self.w), self.redundancy, self.test.kind)
+        return error_odds(self.evidence, self.w, self.redundancy, self.test.kind)
 
     @property
     def worst(self) -> list[Observation[K]]:
@@ -488,15 +488,15 @@ def examine(
     testable = r >= TESTABLE
     if firm is not None:
         testable |= firm & (r > 0.0)
+    tested = np.where(testable, deviation, np.nan)
     # deviation of the residual that an error shows of itself: it shows with r of its size
-    of_error = deviation / np.where(testable, r, np.nan)
+    of_error = tested / r
     mdb = applied.delta0 * of_error
     moved = np.sqrt(np.maximum(1.0 - r, 0.0)) if moved is None else moved
     effect = mdb / sigma * moved
     shown = ERROR_PRIOR_SIGMAS * sigma / of_error
-    expected = np.full(len(r), np.nan) if factor is None else factor * deviation
     # a residual that is exactly zero with sigma estimated as zero: nothing deviates from anything
-    w = residual / np.where(testable & bool(factor), expected, np.nan)
+    w = residual / (tested * (factor or np.nan))
     flagged = np.abs(w) > (np.inf if applied.critical is None else applied.critical)
     if rounding:
         flagged &= np.abs(residual) > rounding
@@ -509,7 +509,7 @@ def examine(
         residual=residual,
         r=r,
         deviation=deviation,
-        expected=expected,
+        expected=np.full(len(r), np.nan) if factor is None else factor * deviation,
         w=w,
         mdb=mdb,
         effect=effect if firm is None else np.where(firm, np.nan, effect),
@@ -558,7 +558,7 @@ def error_odds(g: Array, size: Array, redundancy: int, kind: TestKind) -> Odds:
         (n,) variance of the residual by an error of the width of its prior (20 standard deviations
         of the observation) over that without an error: 400 r of uncorrelated observations.
     size
-        (n,) abs(w), NaN where a row cannot be tested.
+        (n,) w, of either sign; NaN where a row cannot be tested.
     redundancy
         f; without any the prior is returned.
     kind

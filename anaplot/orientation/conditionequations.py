@@ -99,7 +99,7 @@ class ConditionEquations:
         self.plane = -_ROOT_Y / x1[2]
         self.left = np.zeros((6, n + m))
         np.multiply(x1, self.plane, out=self.left[:3, :n])
-        self.tie_points = np.ones((3, 0))
+        self.tie_points = self.x1[:, :0]
         if m:
             tied = np.array([ties[points[k]] for k in self.x_index])
             self.tie_points = (tied - pair.fixed.centre).T
@@ -134,7 +134,8 @@ class ConditionEquations:
             plane: Array = coefficients(*state)[:, :9].dot(self._products[:9, :n])
             return plane
         rows: Array = coefficients(*state, self.tie_weight(state.bx)).dot(self._products)
-        rows[:, n:] /= self.tie_depths(state)
+        of_ties = rows[:, n:]
+        of_ties /= self.tie_depths(state)
         return rows
 
     def tie_weight(self, bx: float) -> float:

@@ -117,7 +117,9 @@ def orient(pair: Stereopair, precision: Precision, test: TestSettings) -> ModelS
         if suspects:
             raise _hopeless(pair, precision, suspects) from error
         raise _undetermined_error(pair, error) from error
-    behind = tuple(p for p, front in zip(pair.points, found.front, strict=True) if not front)
+    behind: tuple[str, ...] = ()
+    if not all(found.front):
+        behind = tuple(p for p, front in zip(pair.points, found.front, strict=True) if not front)
     if found.in_front < IN_FRONT:
         behind_error = NotComputableError(
             f"model {pair.name}: {len(behind)} of {len(pair.points)} points would lie behind a "

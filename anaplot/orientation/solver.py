@@ -6,14 +6,15 @@ El-Hakim 1983, eq. 1-4).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations, product
-from math import atan2, cos, hypot, inf, log1p, sin
+from math import acos, atan2, cos, hypot, inf, log1p, sin
 
 import numpy as np
 
+from anaplot.adjustment import lapack
 from anaplot.aliases import Array, Bools
 from anaplot.errors import NotComputableError
 from anaplot.orientation.conditionequations import ConditionEquations, ModelUnknowns
@@ -102,8 +103,6 @@ def iterate(
     Marquardt) until it does not. Rank defects do not stop the iteration: they are judged
     at its end, by the adjustment. The caller silences divisions by zero.
     """
-    from scipy.linalg.lapack import dposv  # loaded with the first model
-
     with_scale = ties and not conditions.first
     first = 0 if with_scale else 1
     state = start
@@ -114,7 +113,7 @@ def iterate(
         square = float(normal[6, 6])
         if not square < inf:
             return None
-        solved = _solved(dposv, normal[first:6, first:6], normal[first:6, 6], damping)
+        solved = _solved(normal[first:6, first:6], normal[first:6, 6], damping)
         if solved is None:
             return None
         step, damping = solved
@@ -141,19 +140,14 @@ def iterate(
     return None
 
 
-def _solved(
-    dposv: Callable[[Array, Array], tuple[Array, Array, int]],
-    matrix: Array,
-    right: Array,
-    damping: float,
-) -> tuple[list[float], float] | None:
+def _solved(matrix: Array, right: Array, damping: float) -> tuple[list[float], float] | None:
     """Return the correction of damped normal equations, and the damping that it took."""
     while True:
         damped = matrix
         if damping:
             diagonal = matrix.diagonal()
             damped = matrix + np.diag(damping * diagonal + 1e-14 * diagonal.max())
-        _, correction, info = dposv(damped, right)
+        _, correction, info = lapack.dposv(damped, right)
         if info == 0:
             step: list[float] = (-correction).tolist()
             if abs(sum(step)) < inf:
@@ -188,9 +182,7 @@ def _similar_kappa(conditions: ConditionEquations) -> float:
 
 def _tilt(pair: Stereopair, rotation: Array) -> float:
     """Angle [rad] between the axes of the two photos."""
-    (lx, ly, lz), (rx, ry, rz) = pair.fixed.rotation[:, 2].tolist(), rotation[:, 2].tolist()
-    across = hypot(ly * rz - lz * ry, lz * rx - lx * rz, lx * ry - ly * rx)
-    return atan2(across, lx * rx + ly * ry + lz * rz)
+    return acos(max(-1.0, min(1.0, float(pair.fixed.rotation[:, 2].dot(rotation[:, 2])))))
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,6 +18,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from anaplot.adjustment import lapack
 from anaplot.adjustment.leastsquares import RankDefectError, adjust
 from anaplot.adjustment.tested import AppliedTest
 from anaplot.aliases import Array
@@ -366,8 +367,6 @@ class _Adjusted:
     def __init__(self, common: _Common, start: Similarity, *, level: bool) -> None:
         self._common, self.level, self.similarity = common, level, start
         self._middle: Array = common.target.mean(axis=0)
-        from scipy.linalg.lapack import dtrtrs  # loaded with the first pair of systems
-
         for _ in range(_STEPS):
             now = self.similarity
             design, at = self._design()
@@ -376,7 +375,7 @@ class _Adjusted:
                 inclined = np.array([-now.rotation[1, 2], now.rotation[0, 2]]) / common.sigma0
                 value = np.concatenate((value, inclined))
             self.root = np.linalg.cholesky(common.covariance(now, level=level))
-            white = dtrtrs(self.root, np.column_stack((design, value)), lower=1)[0]
+            white = lapack.dtrtrs(self.root, np.column_stack((design, value)), lower=1)[0]
             self._white = white[:, :7]
             # turned so that seven rows have all that tells of the unknowns
             self._basis, triangle = np.linalg.qr(self._white)
@@ -444,9 +443,7 @@ class _Adjusted:
     @cached_property
     def _inverse(self) -> Array:
         """That of the root of the covariance, which whitens."""
-        from scipy.linalg.lapack import dtrtri
-
-        inverse: Array = dtrtri(self.root, lower=1)[0]
+        inverse: Array = lapack.dtrtri(self.root, lower=1)[0]
         return inverse
 
     @cached_property

@@ -21,13 +21,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from anaplot.adjustment import lapack
 from anaplot.adjustment.leastsquares import Adjustment, MadeAgain
 from anaplot.aliases import Array, Index
 from anaplot.errors import NotComputableError
 from anaplot.orientation.conditionequations import ConditionEquations, ModelUnknowns
 from anaplot.orientation.pair import Stereopair, TieErrors
 from anaplot.photogrammetry.block import TieVariance
-from anaplot.photogrammetry.conditions import coefficients
+from anaplot.photogrammetry.conditions import misclosure_coefficients
 from anaplot.photogrammetry.similarity import similarity_effects
 
 __all__ = [
@@ -133,27 +134,30 @@ def exact_statistics(
 
     Notes
     -----
-    With U the basis of the weighted design, R = 1 - U U' and Sigma the covariance of the weighted
-    misclosures, the unknowns have the covariance T = U' Sigma U along U, and an error in row i
-    moves them by row i of U. S = R Sigma R vanishes along U, where the residuals v do, so that
-    v'S+ v = v'(S + U U')^-1 v.
+    With U the basis of the weighted design, V its complement and Sigma the covariance of the
+    weighted misclosures, the unknowns have the covariance T = U' Sigma U along U, and an error in
+    row i moves them by row i of U. What is left has the covariance Z = V' Sigma V along V, and so
+    S = V Z V'. The residuals v lie along the first column of V, all of them: v'S+ v = v'v over the
+    variance of this component given all others.
     """
-    from scipy.linalg.lapack import dposv  # loaded with the first model
-
     rows = _RowDerivatives(pair, conditions, state)
-    sigma, basis, closing = rows.covariance(), adjusted.basis, adjusted.closing
-    left = adjusted.projector.dot(sigma).dot(adjusted.projector)
+    sigma, basis, complement = rows.covariance(), adjusted.basis, adjusted.complement
     along = basis.T.dot(sigma).dot(basis)
-    _, solved, failed = dposv(left + adjusted.hat, closing)
-    _, moved, failed_too = dposv(along, basis.T)
-    if failed or failed_too:
+    across = complement.T.dot(sigma).dot(complement)
+    _, moved, failed = lapack.dposv(along, basis.T)
+    vtpv = 0.0
+    if len(across) and not failed:
+        # in a triangular factor the last is what is given all others: hence the order turned round
+        triangle, failed = lapack.dpotrf(across[::-1, ::-1])
+        vtpv = adjusted.vtpv / float(triangle[-1, -1]) ** 2
+    if failed:
         raise np.linalg.LinAlgError("Matrix is not positive definite")
     return ExactStatistics(
         adjusted=adjusted,
         weighted=sigma,
-        left=left,
+        left=complement.dot(across).dot(complement.T),
         along=along,
-        vtpv=float(closing.dot(solved)),
+        vtpv=vtpv,
         effects=np.sqrt(np.add.reduce(basis.T * moved)),
         rows=rows,
     )
@@ -167,12 +171,10 @@ def _image_units(weighted: Array, root: Array) -> Array:
 def _whitener(covariance: Array) -> Array:
     """Return L^-1 of a covariance L L'; LinAlgError where it is not positive definite."""
     # not dtrtrs: OpenBLAS wakes its threads for it, however small the matrix is
-    from scipy.linalg.lapack import dpotrf, dtrtri
-
-    factor, info = dpotrf(covariance, lower=1, clean=1)
+    factor, info = lapack.dpotrf(covariance, lower=1, clean=1)
     if info:
         raise np.linalg.LinAlgError("Matrix is not positive definite")
-    inverse, _ = dtrtri(factor, lower=1)
+    inverse, _ = lapack.dtrtri(factor, lower=1)
     return np.asarray(inverse)
 
 
@@ -365,11 +367,9 @@ def _with_free_ties(pair: Stereopair, conditions: ConditionEquations) -> Stereop
 
 def residual_weight(sigma: Array, design: Array) -> Array:
     """Return W = Sigma^-1 - Sigma^-1 B (B' Sigma^-1 B)^-1 B' Sigma^-1, (n, n) of rank n - u."""
-    from scipy.linalg.lapack import dgeqrf, dorgqr  # numpy's wrapper costs five times as much
-
     whitener = _whitener(sigma)
-    triangle, factors, _, _ = dgeqrf(whitener.dot(design))
-    q, _, _ = dorgqr(triangle[:, : len(factors)], factors)
+    triangle, factors, _, _ = lapack.dgeqrf(whitener.dot(design))
+    q, _, _ = lapack.dorgqr(triangle[:, : len(factors)], factors)
     left = whitener - q.dot(q.T.dot(whitener))
     return np.asarray(left.T.dot(left))
 
@@ -410,9 +410,12 @@ class _RowDerivatives(MadeAgain):
             raise ValueError(f"model {pair.name}: its ties come without their covariance")
         at = {name: k for k, name in enumerate(known.points)}
         ties = [at[pair.points[k]] for k in self.conditions.x_index]
-        index = np.array([3 * k + axis for k in ties for axis in (0, 1, 2)], dtype=np.intp)
-        self._known = known.covariance.take(index, axis=0).take(index, axis=1)
-        again = [k for k, name in enumerate(pair.points) if name in pair.once and name in at]
+        by_points = known.covariance.reshape(len(at), 3, len(at), 3)
+        of_ties = by_points.take(ties, axis=0).take(ties, axis=2)
+        self._known = of_ties.reshape(3 * len(ties), -1)
+        again = []
+        if pair.once:
+            again = [k for k, name in enumerate(pair.points) if name in pair.once and name in at]
         if again:
             before = [at[pair.points[k]] for k in again]
             d = known.with_right.reshape(len(at), 3, len(at), 2)
@@ -431,8 +434,7 @@ class _RowDerivatives(MadeAgain):
         """(m, 3m) B_t of the x rows."""
         m = len(self._by_tie)
         out = np.zeros((m, m, 3))
-        each = np.arange(m)
-        out[each, each] = self._by_tie
+        np.einsum("iia->ia", out)[...] = self._by_tie
         return out.reshape(m, 3 * m)
 
     def covariance(self) -> Array:
@@ -440,9 +442,10 @@ class _RowDerivatives(MadeAgain):
         out: Array = self._image.dot(self._image.T)
         out *= self._point[:, None] == self._point
         if self._known is not None:
-            ties, by = self._ties, self._by_ties
-            out[ties, ties] += by.dot(self._known).dot(by.T)
+            of_ties, by = out[self._ties, self._ties], self._by_ties
+            of_ties += by.dot(self._known).dot(by.T)
         if self._shared is not None:
+            ties = self._ties
             both = np.einsum(
                 "rkc,iakc,ia->ri", self._by_image[:, :, :2], self._shared, self._by_tie
             )
@@ -529,14 +532,15 @@ def _misclosure_derivatives(
     Both conditions are bilinear, F = a . T p'' with the left ray or the tie for a.
     """
     n, fixed = len(conditions.y_index), pair.fixed.rotation
-    between = coefficients(*state, conditions.tie_weight(state.bx))[6].reshape(6, 3)
-    rays, of_ties = conditions.right[:, :n], conditions.right[:, n:]
+    between = misclosure_coefficients(*state, conditions.tie_weight(state.bx))
     depths = conditions.tie_depths(state)
+    by_first = between.dot(conditions.right)
     by_image = np.zeros((4, conditions.row_count))
-    by_image[:2, :n] = fixed[:, :2].T.dot(between[:3]).dot(rays) * conditions.plane
+    by_image[:2, :n] = fixed[:, :2].T.dot(by_first[:3, :n] * conditions.plane)
     by_image[2:] = between[:, :2].T.dot(conditions.left)
-    by_image[2:, n:] /= depths
-    by_tie = fixed[::2].T.dot(between[3:5]).dot(of_ties) / depths
+    of_ties = by_image[2:, n:]
+    of_ties /= depths
+    by_tie = fixed[::2].T.dot(by_first[3:5, n:] / depths)
     return by_image.T, by_tie.T
 
 

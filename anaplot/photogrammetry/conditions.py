@@ -16,7 +16,7 @@ import numpy as np
 
 from anaplot.aliases import Array
 
-__all__ = ["ROWS", "coefficients", "coefficients_of_many", "products"]
+__all__ = ["ROWS", "coefficients", "coefficients_of_many", "misclosure_coefficients", "products"]
 
 
 ROWS = 7
@@ -116,11 +116,29 @@ def coefficients(
     weight
         Factor of the rows of F_L.
     """
-    along = weight * bx
-    functions = np.array((1.0, beta_y, beta_z, weight, along, along * beta_z))
     # `dot` rather than @, whose way to BLAS is twice as long
-    out: Array = _TENSOR.dot(functions).reshape(6 * ROWS, 3).dot(rotation).reshape(ROWS, 18)
+    factors = _TENSOR.dot(_functions(bx, beta_y, beta_z, weight)).reshape(6 * ROWS, 3)
+    out: Array = factors.dot(rotation).reshape(ROWS, 18)
     return out
+
+
+def misclosure_coefficients(
+    bx: float, beta_y: float, beta_z: float, rotation: Array, weight: float = 1.0
+) -> Array:
+    """Return the (6, 3) matrix T of both conditions, F = a' T p'': the last row of `coefficients`.
+
+    a is x' before three zeros (F_p), or (X, Z, 1) behind them (F_L); so T p'' are the derivatives
+    by a, and a' T those by p''. Parameters as there.
+    """
+    factors = _TENSOR[-18:].dot(_functions(bx, beta_y, beta_z, weight))
+    out: Array = factors.reshape(6, 3).dot(rotation)
+    return out
+
+
+def _functions(bx: float, beta_y: float, beta_z: float, weight: float) -> Array:
+    """(6,) functions of the unknowns by which the terms of `_TENSOR` are multiplied."""
+    along = weight * bx
+    return np.array((1.0, beta_y, beta_z, weight, along, along * beta_z))
 
 
 def coefficients_of_many(bx: Array, beta_y: Array, beta_z: Array, rotation: Array) -> Array:

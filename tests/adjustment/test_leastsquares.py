@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from anaplot.adjustment import lapack
 from anaplot.adjustment.leastsquares import RankDefectError, adjust, adjust_combined
 from anaplot.errors import NotComputableError
 
@@ -30,6 +31,26 @@ def test_projection_trace_and_normal_equations(seed, extra, u):
     assert a.redundancy == extra
     scale = float(np.abs(B).max() * np.abs(a.w).max() * (1.0 / q).max()) + 1.0
     assert np.abs(B.T @ P @ a.w).max() <= 1e-10 * scale
+
+
+@given(st.integers(0, 10**6), st.integers(0, 12), st.integers(1, 6))
+def test_the_complement_is_where_residuals_are(seed, extra, u):
+    B, f, q = problem(seed, u + extra, u)
+    a = adjust(B, f, q, unknowns=names(u), condition_limit=1e12)
+    assert a.complement.shape == (u + extra, extra)
+    assert a.complement.T @ a.complement == pytest.approx(np.eye(extra), abs=1e-11)
+    assert a.complement @ a.complement.T == pytest.approx(a.projector, abs=1e-11)
+    assert a.complement.T @ (f / a.root) == pytest.approx(a.complement.T @ a.closing, abs=1e-11)
+    if extra:
+        along = a.complement[:, 0]
+        assert along * (along @ a.closing) == pytest.approx(a.closing, abs=1e-11)
+
+
+def test_a_routine_that_lapack_does_not_have_is_no_attribute():
+    assert lapack.dposv(np.eye(2), np.array([3.0, 4.0]))[1].tolist() == [3.0, 4.0]
+    for name in ("dnone", "_dnone", "__path__"):
+        with pytest.raises(AttributeError):
+            getattr(lapack, name)
 
 
 def test_against_the_textbook_formulas():

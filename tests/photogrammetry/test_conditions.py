@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from anaplot.photogrammetry.conditions import coefficients, products
+from anaplot.photogrammetry.conditions import coefficients, misclosure_coefficients, products
 from anaplot.photogrammetry.rotation import rotation_matrix, turn
 
 
@@ -60,6 +60,17 @@ def test_misclosures_are_the_conditions_of_the_paper(seed):
     plane, line = rows_of(state, x1, p2, tie)
     assert plane[6] == pytest.approx(f_p(state, x1, p2), abs=1e-8)
     assert line[6] == pytest.approx(f_l(state, tie, p2), abs=1e-8)
+
+
+@given(st.integers(0, 10**6), st.floats(0.1, 3.0))
+def test_the_matrix_between_two_vectors_gives_both_misclosures(seed, weight):
+    state, x1, p2, tie = scene(seed)
+    between = misclosure_coefficients(*state, weight)
+    flat = np.vstack((tie[0], tie[2], np.ones(tie.shape[1])))
+    plane = np.einsum("in,ij,jn->n", x1, between[:3], p2)
+    line = np.einsum("in,ij,jn->n", flat, between[3:], p2)
+    assert plane == pytest.approx(f_p(state, x1, p2), abs=1e-8)
+    assert line == pytest.approx(weight * f_l(state, tie, p2), abs=1e-7)
 
 
 @given(st.integers(0, 10**6), st.integers(0, 5))
