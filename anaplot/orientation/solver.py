@@ -417,7 +417,7 @@ def _without(
         rest = ConditionEquations(reduced, conditions.tie_variance)
         if rest.row_count < (5 if rest.first else 6) + 2 or not (rest.first or rest.x_index):
             continue
-        found = _direct(reduced, rest, bx)
+        found = _direct(reduced, rest, bx, FEW_ITERATIONS)
         if found is None or not _fits(reduced, rest, found, apriori_mm):
             continue
         merit = found.solution.sum_of_squares

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from anaplot.bundle.adjust import adjust_block, adjust_problem
 from anaplot.bundle.solve.problem import make_problem
 from anaplot.bundle.start import subblock
-from anaplot.bundle.start.bridging import bridged_parts
+from anaplot.bundle.start.bridging import bridged_chains, joined_chains
 from anaplot.bundle.start.relative import _Pair, orient_pair, spread_rotations
 from anaplot.bundle.start.resection import resect, three_point_resection
 from anaplot.bundle.start.subblock import SubBlock, unit_rays
@@ -371,6 +371,6 @@ def test_a_long_strip_is_hung_on_its_neighbour_as_a_whole(monkeypatch: pytest.Mo
         raise AssertionError("a photo of the strip was oriented by itself")
 
     problem = make_problem(block, datum="free")
-    assert len(bridged_parts(problem, unit_rays(problem))) == 2
+    assert len(joined_chains(problem, unit_rays(problem), bridged_chains(problem))) == 2
     monkeypatch.setattr(subblock, "resect", one_by_one)
     assert 0.9 < adjust_problem(problem).sigma0 < 1.1

@@ -7,11 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from anaplot.bundle.solve.problem import make_problem
-from anaplot.bundle.start import bridging
-from anaplot.bundle.start.bridging import bridged_parts
+from anaplot.aliases import Progress
+from anaplot.bundle.solve.problem import Problem, make_problem
+from anaplot.bundle.start import approximate, bridging
+from anaplot.bundle.start.bridging import bridged_chains, joined_chains
 from anaplot.bundle.start.stripmodels import strip_models
 from anaplot.bundle.start.subblock import unit_rays
+from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import Block, ImagePoint, Strip
 from anaplot.photogrammetry.selection import model_name, points_of, rows_off
 from anaplot.planning.syntheticblock import synthetic_block
@@ -95,9 +97,9 @@ def test_points_of_models_are_those_that_the_rows_say(kind: str) -> None:
 def test_side_by_side_is_one_by_one(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     problem = make_problem(measured(kind)).bare
     rays = unit_rays(problem)
-    at_once = bridged_parts(problem, rays)
+    at_once = joined_chains(problem, rays, bridged_chains(problem))
     monkeypatch.setattr(bridging, "_SEVERAL", len(problem.photos))
-    singly = bridged_parts(problem, rays)
+    singly = joined_chains(problem, rays, bridged_chains(problem))
     assert len(at_once) == len(singly)
     for one, other in zip(at_once, singly, strict=True):
         np.testing.assert_allclose(one.centres, other.centres, rtol=1e-9, atol=1e-7)
@@ -117,5 +119,39 @@ def test_what_is_beyond_doubt_is_not_oriented_again(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(bridging, "orient", alone)
     for kind in ("plain", "models"):
         problem = make_problem(measured(kind)).bare
-        (whole,) = bridged_parts(problem, unit_rays(problem))
+        (whole,) = joined_chains(problem, unit_rays(problem), bridged_chains(problem))
         assert whole.oriented.all()
+
+
+@pytest.fixture
+def bridgings(monkeypatch: pytest.MonkeyPatch) -> list[Problem]:
+    """The bundles whose strips are bridged on the ways to approximate values."""
+    seen: list[Problem] = []
+
+    def noted(problem: Problem, progress: Progress | None) -> list[bridging.Chain]:
+        seen.append(problem)
+        return bridged_chains(problem, progress)
+
+    monkeypatch.setattr(approximate, "bridged_chains", noted)
+    return seen
+
+
+def test_strips_that_hang_together_are_tried_once(bridgings: list[Problem]) -> None:
+    ways = approximate.approximate_ways(make_problem(measured("plain")).bare)
+    assert bridgings == []
+    assert ways[1].find(None) is not None
+    assert ways[4].find(None) is None
+    assert len(bridgings) == 1
+
+
+def test_strips_are_bridged_once_where_pairs_go_on(bridgings: list[Problem]) -> None:
+    block = measured("plain")
+    last = block.strips[-1].photos[-1]
+    few = [row for row in block.image_points if row.photo == last][:3]
+    rows = [row for row in block.image_points if row.photo != last]
+    problem = make_problem(replace(block, image_points=(*rows, *few))).bare
+    ways = approximate.approximate_ways(problem)
+    for k in (1, 4):
+        with pytest.raises(NotComputableError, match=last):
+            ways[k].find(None)
+    assert bridgings == [problem]

@@ -19,7 +19,7 @@ from anaplot.bundle.errors.misfits import adjust_without_misfits
 from anaplot.bundle.solve.gaussnewton import NoConvergenceError
 from anaplot.bundle.solve.problem import make_problem
 from anaplot.bundle.solve.structure import make_structure
-from anaplot.bundle.start.bridging import bridged_parts
+from anaplot.bundle.start.bridging import bridged_chains, joined_chains
 from anaplot.bundle.start.pull import MOST_TURNED, minimum_nearby, turned
 from anaplot.bundle.start.robust import robust_state
 from anaplot.bundle.start.settling import settled
@@ -119,14 +119,14 @@ def test_a_minimum_nearby_counts_whatever_the_last_digits(
 def test_a_model_in_which_nothing_tells_the_wrong_point_is_not_bridged() -> None:
     """Six points: redundancy 1, and all tests are equal but for rounding."""
     problem = make_problem(interchanged(planned(1), "104", "02-03", "03-05")).bare
-    parts = bridged_parts(problem, unit_rays(problem))
+    parts = joined_chains(problem, unit_rays(problem), bridged_chains(problem))
     wrong = problem.photos.index("104")
     # which of the six to leave out would be chance: the strip is in two parts instead
     assert not any(part.oriented[wrong] and part.oriented[wrong - 1] for part in parts)
     good = make_problem(planned(1)).bare
     assert any(
         part.oriented[wrong] and part.oriented[wrong - 1]
-        for part in bridged_parts(good, unit_rays(good))
+        for part in joined_chains(good, unit_rays(good), bridged_chains(good))
     )
 
 

@@ -57,7 +57,7 @@ def no_search(monkeypatch: pytest.MonkeyPatch) -> None:
     def refused(*_: object) -> None:
         raise AssertionError("approximate values were searched for")
 
-    for name in ("vertical_subblock", "grown_from_seed", "bridged_parts", "_from_control"):
+    for name in ("vertical_subblock", "grown_from_seed", "bridged_chains", "_from_control"):
         monkeypatch.setattr(approximate, name, refused)
 
 

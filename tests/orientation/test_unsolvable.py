@@ -9,8 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from anaplot.errors import NotComputableError
+from anaplot.orientation import solver
+from anaplot.orientation.conditionequations import ConditionEquations
 from anaplot.orientation.diagnosis import diagnose
 from anaplot.orientation.model import WrongPointsError, orient
+from anaplot.orientation.solver import find_orientation, iterate
 from anaplot.orientation.strip import bridge, bridge_strip
 from anaplot.photogrammetry.block import Block, ImagePoint, Photo, Precision, Strip, TestSettings
 from anaplot.planning.blockplan import BlockPlan, plan_block
@@ -289,3 +292,23 @@ def test_a_strip_ends_at_the_model_that_cannot_be_computed():
         ("7", 1, False),
         ("8", 1, True),
     ]
+
+
+def test_leaving_points_out_is_given_up_early(monkeypatch):
+    """With five of thirteen points anywhere, no twelve of them agree."""
+    f = flight()
+    pair = pair_of(f, 0, points=list(f.images[0])[:13])
+    rng = np.random.default_rng(1)
+    xr = np.array(pair.xr)
+    xr[:5] = rng.uniform(-80.0, 80.0, (5, 2))
+    most = []
+
+    def noted(*given, **options):
+        most.append(options.get("most"))
+        return iterate(*given, **options)
+
+    monkeypatch.setattr(solver, "iterate", noted)
+    conditions = ConditionEquations(replace(pair, xr=xr), "paper")
+    _, suspects = find_orientation(replace(pair, xr=xr), conditions, 92.0, 0.005)
+    assert suspects == ()
+    assert most.count(solver.FEW_ITERATIONS) == len(pair.points)

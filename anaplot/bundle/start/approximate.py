@@ -17,7 +17,7 @@ from anaplot.aliases import Array, Bools, Index, Progress
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.problem import Problem, listed
 from anaplot.bundle.start.absolute import give_nominal_place, to_ground, to_some_ground
-from anaplot.bundle.start.bridging import BRIDGING, bridged_parts
+from anaplot.bundle.start.bridging import BRIDGING, Chain, bridged_chains, joined_chains
 from anaplot.bundle.start.plane import grown_from_plane
 from anaplot.bundle.start.seeds import PAIRS, PHOTOS, grown_from_seed
 from anaplot.bundle.start.subblock import (
@@ -79,6 +79,8 @@ def approximate_ways(problem: Problem) -> list[Way]:
     them, or that are not plainly level, come last of all.
     """
     put_off: list[Callable[[Progress | None], SubBlock | None]] = []
+    chains: list[Chain] = []  # of the strips, once they are bridged
+    hang_together: list[BlockState] = []  # strips that need no pairs
     rays, by_photo = unit_rays(problem), rays_of_photos(problem)
 
     def stated(progress: Progress | None) -> BlockState | None:
@@ -88,13 +90,16 @@ def approximate_ways(problem: Problem) -> list[Way]:
         return state_of(problem, _completed(problem, given, rays))
 
     def parts(progress: Progress | None) -> list[SubBlock]:
-        return bridged_parts(problem, rays, progress) if problem.block.strips else []
+        if problem.block.strips and not chains:
+            chains.extend(bridged_chains(problem, progress))
+        return joined_chains(problem, rays, chains)
 
     def bridged(progress: Progress | None) -> BlockState | None:
         free = parts(progress)
         if not free:
             return None
-        return _joined(problem, rays, by_photo, free, progress, others=False)
+        hang_together.append(_joined(problem, rays, by_photo, free, progress, others=False))
+        return hang_together[0]
 
     def tilted(progress: Progress | None) -> BlockState | None:
         part = grown_from_plane(problem, rays, by_photo, progress)
@@ -113,6 +118,9 @@ def approximate_ways(problem: Problem) -> list[Way]:
         return state_of(problem, subblock)
 
     def mixed(progress: Progress | None) -> BlockState | None:
+        if hang_together:
+            # the same has been tried
+            return None
         free = parts(progress)
         if not free:
             return None

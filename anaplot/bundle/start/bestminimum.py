@@ -204,8 +204,9 @@ def best_minimum(
             laid = from_free_network(problem, start, progress)
             if laid is not None:
                 other = robust(laid, structure)
-                found = minimum(laid, structure)
-                if other is not None and (found is None or not fits(problem, found)):
+                in_vain = other is not None and foreseen_torn(problem, structure, other)
+                found = None if in_vain else minimum(laid, structure)
+                if other and not in_vain and (found is None or not fits(problem, found)):
                     found = minimum(other.state, structure)
                 if other is not None and (solution is None or other.off < solution.off):
                     solution = other

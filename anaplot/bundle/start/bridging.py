@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
@@ -22,7 +23,7 @@ from anaplot.photogrammetry.block import ImagePoint, Precision
 from anaplot.photogrammetry.rotation import rotation_angles, rotation_matrix
 from anaplot.photogrammetry.selection import model_name, points_of, rows_by_photo, rows_off
 
-__all__ = ["BRIDGING", "bridged_parts"]
+__all__ = ["BRIDGING", "Chain", "bridged_chains", "joined_chains"]
 
 BRIDGING = "bridging strips"
 """What this says of its progress."""
@@ -31,10 +32,28 @@ _SEVERAL = 4  # models that are oriented at once: fewer are quicker one by one
 _TELLS_WHICH = 2  # redundancy that tells a wrong point: with 1, all test alike
 
 
-def bridged_parts(
-    problem: Problem, rays: Array, progress: Progress | None = None
-) -> list[SubBlock]:
-    """Bridge the strips and join them over common points.
+def bridged_chains(problem: Problem, progress: Progress | None = None) -> list[Chain]:
+    """Form the models of the strips, one after another.
+
+    Parameters
+    ----------
+    problem
+        The bundle.
+    progress
+        Called with what is being done and the fraction of it.
+
+    Returns
+    -------
+    list[Chain]
+        Models that hang together; the most of them first.
+    """
+    chains = _Strips(problem).bridged(progress)
+    chains.sort(key=lambda chain: -len(chain.photos))
+    return chains
+
+
+def joined_chains(problem: Problem, rays: Array, chains: Iterable[Chain]) -> list[SubBlock]:
+    """Join bridged strips over common points.
 
     Parameters
     ----------
@@ -42,16 +61,15 @@ def bridged_parts(
         The bundle.
     rays
         (m, 3) its rays, of unit length in image axes.
-    progress
-        Called with what is being done and the fraction of it.
+    chains
+        As `bridged_chains` returns them.
 
     Returns
     -------
     list[SubBlock]
         Parts that could not be joined, each in the system of one of its strips; the largest first.
     """
-    chains = _Strips(problem).bridged(progress)
-    chains.sort(key=lambda chain: -len(chain.photos))
+    chains = list(chains)
     joined: list[SubBlock] = []
     while chains:
         main = chains.pop(0).sub_block(problem)
@@ -71,7 +89,7 @@ def bridged_parts(
     return joined
 
 
-class _Chain(NamedTuple):
+class Chain(NamedTuple):
     """Models of a strip that hang together.
 
     Attributes
@@ -126,7 +144,7 @@ class _Strips:
         # of each point of a model: whether the model has it, and where
         self._has, self._xyz = np.zeros(points, dtype=bool), np.full((points, 3), np.nan)
 
-    def bridged(self, progress: Progress | None) -> list[_Chain]:
+    def bridged(self, progress: Progress | None) -> list[Chain]:
         """Form all models; a new chain begins wherever the chain of models breaks."""
         strips = self._models.strips
         longest = max(map(len, strips), default=0)
@@ -143,18 +161,18 @@ class _Strips:
                 self._form(model, goes_on)
         return [chain for strip in strips for chain in self._chains(strip)]
 
-    def _chains(self, strip: range) -> list[_Chain]:
+    def _chains(self, strip: range) -> list[Chain]:
         begins = [model for model in strip if self._begins[model]]
         return [self._chain(range(a, b)) for a, b in pairwise([*begins, strip.stop])]
 
-    def _chain(self, models: range) -> _Chain:
+    def _chain(self, models: range) -> Chain:
         """Return the models of a range that are formed, the first of which begins a chain."""
         laid, count = self._models, int(self._formed[models.start : models.stop].sum())
         these = slice(models.start, models.start + count)
         rows = np.arange(laid.ends[these.start], laid.ends[these.stop])
         rows = rows[self._has[rows] & ~np.isnan(self._xyz[rows, 0])]
         points, first = np.unique(laid.points[rows], return_index=True)
-        return _Chain(
+        return Chain(
             np.append(laid.photos[these.start, 0], laid.photos[these, 1]),
             np.vstack((self._centre[these.start], self._centre[these] + self._base[these])),
             np.concatenate((np.eye(3)[None], self._rotation[these])),

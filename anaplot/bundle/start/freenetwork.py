@@ -13,6 +13,7 @@ from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.problem import Problem, make_problem
 from anaplot.bundle.solve.structure import make_structure
 from anaplot.bundle.start.approximate import laid_onto_control, restricted
+from anaplot.bundle.start.pull import foreseen_torn
 from anaplot.bundle.start.robust import robust_state
 from anaplot.errors import NotComputableError
 
@@ -24,7 +25,8 @@ def from_free_network(
 ) -> BlockState | None:
     """Approximate values by way of the free network, in which control has no influence.
 
-    What only control determines (a control point in one photo) is added after the network lies on
+    Gross errors that would tear its minimum have little weight: that of a robust solution. What
+    only control determines (a control point in one photo) is added after the network lies on
     control. None when there is no such network.
     """
     try:
@@ -34,8 +36,10 @@ def from_free_network(
         bare = restricted(free, problem, start)
         structure = make_structure(free, bare.centres)
         check_datum(free, bare)
-        bare = robust_state(free, structure, bare).state
-        found = find_minimum(free, bare, structure, progress=progress)
-        return laid_onto_control(problem, free, found.state)
+        solution = robust_state(free, structure, bare)
+        bare = solution.state
+        if not foreseen_torn(free, structure, solution):
+            bare = find_minimum(free, bare, structure, progress=progress).state
+        return laid_onto_control(problem, free, bare)
     except (NotComputableError, np.linalg.LinAlgError):
         return None
