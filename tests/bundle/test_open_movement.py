@@ -13,12 +13,16 @@ from anaplot.adjustment.findings import SearchSettings
 from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.errors.controllast import clean_control_last
 from anaplot.bundle.errors.misfits import adjust_without_misfits
+from anaplot.bundle.solve import openmovement, somepoints
 from anaplot.bundle.solve.additional import additional_parameters
 from anaplot.bundle.solve.gaussnewton import NoConvergenceError, equations_at
+from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.linearised import effect, effects
-from anaplot.bundle.solve.openmovement import held_by_noise
+from anaplot.bundle.solve.openmovement import held_by_noise, held_by_noise_at
 from anaplot.bundle.solve.parameterpriors import parameter_priors
-from anaplot.bundle.solve.problem import Datum, make_problem
+from anaplot.bundle.solve.problem import Datum, Problem, make_problem
+from anaplot.bundle.solve.somepoints import some_points
+from anaplot.bundle.solve.structure import Structure
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import Block
 from anaplot.planning.blockplan import BlockPlan, plan_block
@@ -172,3 +176,61 @@ def test_changes_looked_at_together_do_what_each_does(additional: str | None) ->
             np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-9)
         rays = normal.seen(photos, points, shared)[:, :, k]
         np.testing.assert_allclose(together.e, rays, rtol=1e-10, atol=1e-8)
+
+
+def turning() -> tuple[Problem, Structure, BlockState]:
+    """A free network of two strips that turn about a line, but for noise."""
+    found = adjust_block(noisy(planned(0.30), 5.0, 5))
+    unknown = np.full_like(found.problem.known_sigma, np.nan)
+    free = replace(found.problem, datum="free", known_sigma=unknown)
+    return free, found.cofactors.normal.structure, found.state
+
+
+def test_what_is_firm_where_errors_bend_it_is_looked_at_again_elsewhere() -> None:
+    free, structure, state = turning()
+    bent = state.points + np.random.default_rng(6).normal(size=state.points.shape) * 100.0
+    errors = replace(state, points=bent)
+    assert held_by_noise(free, structure, errors) is None
+    remark = held_by_noise(free, structure, state)
+    assert remark is not None
+    asked = held_by_noise_at(free, structure, [(errors, None), (state, None)])
+    assert asked == (remark, state)
+
+
+def test_a_place_near_a_firm_one_needs_no_look_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = adjust_block(aerial(1, 6, noise_um=5.0, control_sigma=0.05).block)
+    looked = []
+
+    def seen(*given: object) -> object:
+        looked.append(given)
+        return looked_at(*given)
+
+    looked_at = openmovement._looked_at
+    monkeypatch.setattr(openmovement, "_looked_at", seen)
+    near = replace(found.state, points=found.state.points + 1e-3)
+    structure = found.cofactors.normal.structure
+    places = [(found.state, None), (near, None)]
+    assert held_by_noise_at(found.problem, structure, places) is None
+    assert len(looked) == 1
+
+
+def test_some_points_tell_of_a_large_block_what_all_of_them_tell(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    free, structure, state = turning()
+    firm = adjust_block(noisy(planned(0.60), 5.0, 5))
+    before = held_by_noise(free, structure, state)
+    for name, value in (("_LARGE", 10), ("_RAYS", 3), ("_FEWEST", 3), ("_TIMES", 2)):
+        monkeypatch.setattr(somepoints, name, value)
+    parted = []
+
+    def chosen(problem: Problem) -> object:
+        parted.append(some_points(problem))
+        return parted[-1]
+
+    monkeypatch.setattr(openmovement, "some_points", chosen)
+    assert before is not None
+    assert held_by_noise(free, structure, state) == before
+    assert held_by_noise(firm.problem, firm.cofactors.normal.structure, firm.state) is None
+    assert all(one is not None and one.sum() < 0.8 * len(one) for one in parted)
+    assert len(parted) == 2

@@ -10,24 +10,28 @@ the noise.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from anaplot.aliases import Array
+from anaplot.aliases import Array, Bools
 from anaplot.bundle.solve.datum import Anchor, anchor
 from anaplot.bundle.solve.factor import Factor, NotPositiveError
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.linearised import Linearised, Unknowns, effects, linearise, move
 from anaplot.bundle.solve.normal import NormalEquations, PointError
 from anaplot.bundle.solve.problem import Problem, listed
+from anaplot.bundle.solve.somepoints import of_points, some_points
 from anaplot.bundle.solve.structure import Structure, make_structure
 from anaplot.errors import NotComputableError
 from anaplot.textfiles.wording import quoted
 
-__all__ = ["held_by_noise", "parameters_left_open", "undetermined"]
+__all__ = ["Solved", "held_by_noise", "held_by_noise_at", "parameters_left_open", "undetermined"]
 
+
+Solved = tuple[NormalEquations, Factor]  # the equations at a state, and their factor
 
 _ITERATIONS = 4
 _MOVES = 0.2  # of the largest movement: a photo that moves less is not named
@@ -82,7 +86,7 @@ def held_by_noise(
     problem: Problem,
     structure: Structure,
     state: BlockState,
-    solved: tuple[NormalEquations, Factor] | None = None,
+    solved: Solved | None = None,
 ) -> str | None:
     """Return the remark on photos that are determined by measuring errors alone.
 
@@ -101,26 +105,74 @@ def held_by_noise(
         As `undetermined` says it; None where more than errors holds every photo, or where the
         photos in question are far from their rays: of such a state nothing can be said.
     """
+    return _looked_at(problem, structure, state, solved).remark
+
+
+def held_by_noise_at(
+    problem: Problem, structure: Structure, places: Sequence[tuple[BlockState, Solved | None]]
+) -> tuple[str, BlockState] | None:
+    """Return the first remark of `held_by_noise` at some places, and where that is; None without.
+
+    Parameters
+    ----------
+    problem, structure
+        The bundle.
+    places
+        States, each with the equations there, where they are known.
+    """
+    firm: tuple[BlockState, _Movements] | None = None
+    for state, solved in places:
+        if firm is not None and _as_firm(problem, *firm, state):
+            continue
+        looked = _looked_at(problem, structure, state, solved)
+        if looked.remark is not None:
+            return looked.remark, state
+        firm = None if looked.firm is None else (state, looked.firm)
+    return None
+
+
+class _Looked(NamedTuple):
+    """The remark, or the movements of a firm block that are resisted least; None where neither."""
+
+    remark: str | None
+    firm: _Movements | None
+
+
+def _looked_at(
+    problem: Problem, structure: Structure, state: BlockState, solved: Solved | None
+) -> _Looked:
+    """Look for what noise alone holds; see `held_by_noise`."""
     if solved is None or problem.conditions is not None:
         problem = replace(problem, conditions=None)
         tie = anchor(problem, state) if problem.defect else None
         weights = None if tie is None else tie.weights
         solved = _solvable(problem, structure, linearise(problem, state), weights)
         if solved is None:
-            return None
+            return _Looked(None, None)
     normal, factor = solved
-    linear = normal.linear
     # gross errors spoil the geometry as noise does
-    sigma0 = np.sqrt(linear.vtpv / max(problem.redundancy, 1))
+    sigma0 = np.sqrt(normal.linear.vtpv / max(problem.redundancy, 1))
     try:
         found = _weakest(normal, factor, _WEAKEST)
         noise = float(np.clip(sigma0, 1.0, _MOST))
         # in a firm block the most that it may be is little
-        if np.all(_by_noise(normal, factor, state, found, noise, most=True) <= _NOISE):
-            return None
-        by_noise = _by_noise(normal, factor, state, found, noise)
+        for seen in _first_some(normal.problem, state):
+            if np.all(_by_noise(normal, factor, seen, found, noise, most=True) <= _NOISE):
+                return _Looked(None, found)
+        by_noise = _by_noise(normal, factor, _Seen(normal.problem, state, None), found, noise)
     except np.linalg.LinAlgError:
-        return None
+        return _Looked(None, None)
+    return _Looked(_noise_remark(normal, factor, found, by_noise), None)
+
+
+def _noise_remark(
+    normal: NormalEquations, factor: Factor, found: _Movements, by_noise: Array
+) -> str | None:
+    """Return the remark on movements that noise alone resists; None where there are none.
+
+    `by_noise`: (k,) how much of what resists each changes with noise.
+    """
+    problem, linear = normal.problem, normal.linear
     loose = np.flatnonzero(by_noise > _NOISE)
     if len(loose) == 0:
         return None
@@ -278,10 +330,58 @@ def _photos_moved(normal: NormalEquations, factor: Factor, right: Array) -> Arra
     return factor.solve(right, shared)[0]
 
 
+class _Seen(NamedTuple):
+    """A bundle at a state, and which points of a larger one these are; None: all."""
+
+    problem: Problem
+    state: BlockState
+    chosen: Bools | None
+
+    def own(self, unknowns: Unknowns) -> Unknowns:
+        """Return what belongs to its points, of photos, points and shared parameters."""
+        photos, points, shared = unknowns
+        return photos, points if self.chosen is None else points[self.chosen], shared
+
+    def moved(self, unknowns: Unknowns) -> Linearised:
+        """Return its rows where the unknowns have moved."""
+        return linearise(self.problem, move(self.problem, self.state, *self.own(unknowns)))
+
+
+def _first_some(problem: Problem, state: BlockState) -> Iterator[_Seen]:
+    """Yield some points of a large block, then all of them.
+
+    A point follows each movement of its photos as well as it can, whatever the others do. So what
+    some points resist is a part of what all of them do: where that part hardly changes with noise,
+    more than noise holds the photos.
+    """
+    chosen = some_points(problem)
+    if chosen is not None:
+        there = replace(state, points=state.points[chosen])
+        yield _Seen(of_points(problem, chosen), there, chosen)
+    yield _Seen(problem, state, None)
+
+
+def _as_firm(problem: Problem, firm: BlockState, found: _Movements, other: BlockState) -> bool:
+    """Whether a block that is firm at one state is as firm at another.
+
+    Both lie near each other: what is resisted least in one changes less than noise may change it.
+    """
+    problem = replace(problem, conditions=None)
+    seen, there = next(_first_some(problem, firm)), next(_first_some(problem, other))
+    own = seen.own(found.unknowns)
+    linear, elsewhere = (linearise(at.problem, at.state) for at in (seen, there))
+    resistance = effects(seen.problem, linear, own)
+    changes = map(_less, effects(seen.problem, elsewhere, own), resistance)
+    return all(
+        change.vtpv <= _NOISE**2 * each.vtpv
+        for change, each in zip(changes, resistance, strict=True)
+    )
+
+
 def _by_noise(
     normal: NormalEquations,
     factor: Factor,
-    state: BlockState,
+    seen: _Seen,
     found: _Movements,
     noise: float,
     *,
@@ -291,30 +391,34 @@ def _by_noise(
 
     Parameters
     ----------
-    normal, factor, state
-        The equations, and where they are linearised.
+    normal, factor
+        The equations.
+    seen
+        The bundle where they are linearised, or some of its points there.
     found
         The movements.
     noise
         Of the measurements, in a-priori sigmas.
     most
-        Whether no less than that is enough where it is little: nothing is solved for then.
+        Whether no less than that is enough where it is little: nothing is solved for then. Of some
+        points it always is.
     """
-    problem, linear = normal.problem, normal.linear
-    resistance = effects(problem, linear, found.unknowns)
+    problem, own = seen.problem, seen.own(found.unknowns)
+    linear = normal.linear if seen.chosen is None else linearise(problem, seen.state)
+    resistance = effects(problem, linear, own)
     resisted = np.array([max(each.vtpv, np.finfo(float).tiny) for each in resistance])
     changed = np.zeros(len(resistance))
     rng = np.random.default_rng(2)
     for _ in range(_NOISES):
-        moved = list(normal.solution(factor, normal.gradient(_random(linear, rng, noise))))
+        moved = list(normal.solution(factor, normal.gradient(_random(normal.linear, rng, noise))))
         along = np.tensordot(moved[0], found.right, 2) / found.resisted
-        for part, own in zip(moved, found.unknowns, strict=True):
-            part -= own @ along
-        there = linearise(problem, move(problem, state, moved[0], moved[1], moved[2]))
-        each = list(map(_less, effects(problem, there, found.unknowns), resistance))
+        for part, of in zip(moved, found.unknowns, strict=True):
+            part -= of @ along
+        there = seen.moved((moved[0], moved[1], moved[2]))
+        each = list(map(_less, effects(problem, there, own), resistance))
         change = np.array([one.vtpv for one in each])
         asked = np.flatnonzero((change > _NOISE**2 * resisted) | (not most))
-        if len(asked):
+        if len(asked) and seen.chosen is None:
             # what the other unknowns take up resists nothing
             sides = [normal.gradient(each[k]) for k in asked.tolist()]
             right = tuple(np.stack(part, axis=-1) for part in zip(*sides, strict=True))

@@ -15,7 +15,7 @@ from anaplot.bundle.solve.gaussnewton import (
 )
 from anaplot.bundle.solve.imaging import BlockState, with_additional
 from anaplot.bundle.solve.linearised import objective
-from anaplot.bundle.solve.openmovement import held_by_noise
+from anaplot.bundle.solve.openmovement import Solved, held_by_noise_at
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.structure import Structure, make_structure
 from anaplot.bundle.start.approximate import (
@@ -289,12 +289,13 @@ def check_held(problem: Problem, found: Minimum, other: BlockState | None) -> No
     Measurements without error would leave something open there. Gross errors may hide it: it is
     looked for at the minimum, and where they have lost their pull (or where the search began).
     """
-    known = found.normal, found.factor
-    places = [(found.state, known)] if other is None else [(other, None), (found.state, known)]
-    for at, solved in places:
-        by_noise = held_by_noise(problem, found.normal.structure, at, solved)
-        if by_noise is not None:
-            raise NoConvergenceError(by_noise, at)
+    places: list[tuple[BlockState, Solved | None]] = []
+    if other is not None:
+        places.append((other, None))
+    places.append((found.state, (found.normal, found.factor)))
+    by_noise = held_by_noise_at(problem, found.normal.structure, places)
+    if by_noise is not None:
+        raise NoConvergenceError(*by_noise)
 
 
 class _Closest(NamedTuple):
