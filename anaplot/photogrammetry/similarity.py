@@ -24,6 +24,7 @@ __all__ = [
 
 _ON_A_LINE = 0.02  # extent across over extent along below which points leave a rotation open
 
+_CLOSE = 1e-10  # step after which a similarity is refined
 _SAMPLES = 200  # triples that are tried of more than eight points
 _AT_ONCE = 16384  # distances that stay at hand while they are used
 
@@ -158,12 +159,19 @@ def moved_similarity(now: Similarity, middle: Array, step: Array) -> Similarity:
 
 
 def fit_to_partial(
-    source: Array, target: Array, start: Similarity, *, some: bool = False
+    source: Array,
+    target: Array,
+    start: Similarity,
+    *,
+    some: bool = False,
+    close: float = _CLOSE,
 ) -> Similarity | None:
     """Refine a similarity with targets that lack coordinates (NaN).
 
     Gauss-Newton over scale, rotation and shift with Cauchy's weights; None when the coordinates do
     not determine the seven parameters; with `some`, those that they leave open stay as they are.
+    Ends where a step turns and scales by less than `close`, and shifts by less than that share of
+    the extent.
     """
     known = np.isfinite(target)
     if int(known.sum()) < 7 and not some:
@@ -196,6 +204,6 @@ def fit_to_partial(
         shift = centre + step[:3] - scale * rotation @ middle
         now = Similarity(scale, rotation, shift)
         extent = max(float(np.abs(arm).max()), 1e-12)
-        if float(np.abs(step[3:]).max()) < 1e-10 and float(np.abs(step[:3]).max()) < 1e-10 * extent:
+        if float(np.abs(step[3:]).max()) < close and float(np.abs(step[:3]).max()) < close * extent:
             break
     return now

@@ -11,11 +11,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from anaplot.aliases import Index
 from anaplot.bundle.adjust import adjust_block, adjust_problem
 from anaplot.bundle.solve.problem import make_problem
 from anaplot.bundle.start import subblock
 from anaplot.bundle.start.bridging import bridged_chains, joined_chains
-from anaplot.bundle.start.relative import _Pair, orient_pair, spread_rotations
+from anaplot.bundle.start.relative import (
+    _Pair,
+    _Refined,
+    orient_pair,
+    orientations,
+    spread_rotations,
+)
 from anaplot.bundle.start.resection import resect, three_point_resection
 from anaplot.bundle.start.subblock import SubBlock, unit_rays
 from anaplot.photogrammetry.block import ControlPoint, ImagePoint, Strip
@@ -222,8 +229,46 @@ def test_coplanarity_changes_with_turn_and_base_as_its_derivatives_say() -> None
     np.testing.assert_allclose(
         right[:, :, 0], -np.einsum("kn,kni,kn->ki", weight, design, e), atol=1e-6
     )
-    plain = np.einsum("ki,kni->kn", bases, np.cross(pair.first, pair.turned(rotations)))
+    turned = np.einsum("kij,nj->kni", rotations, pair.second)
+    plain = np.einsum("ki,kni->kn", bases, np.cross(pair.first, turned))
     np.testing.assert_allclose(pair.misclosures(rotations, bases), plain, atol=1e-12)
+    along = np.einsum("ki,kni->kn", bases, turned)
+    np.testing.assert_allclose(pair.along_base(rotations, bases), along, atol=1e-12)
+    cosines = np.einsum("ni,kni->kn", pair.first, turned)
+    np.testing.assert_allclose(pair.cosines(rotations), cosines, atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_explains_the_rays_comes_before_the_rest_is_sought(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rng = np.random.default_rng(seed)
+    points = rng.uniform((-1.0, -1.0, -6.0), (1.0, 1.0, -4.0), (15, 3))
+    turn = Rotation.from_rotvec(rng.normal(size=3)).as_matrix()
+    rays = [points, (points - (1.5, 0.5, -0.5)) @ turn]
+    sharp = 1e-4
+    noisy = [p / np.linalg.norm(p, axis=1)[:, None] + rng.normal(0.0, sharp, p.shape) for p in rays]
+    steps: list[int] = []
+    step = _Refined.step
+
+    def count(self: _Refined, noise: float) -> Index:
+        steps.append(1)
+        return step(self, noise)
+
+    monkeypatch.setattr(_Refined, "step", count)
+    every = orientations(*noisy, sharp)
+    soon = next(every)
+    early = len(steps)
+    assert soon.error < sharp
+    np.testing.assert_allclose(soon.rotation, turn, atol=0.01)
+    rest = list(every)
+    assert early < len(steps) / 2
+    assert all(np.abs(one.rotation - turn).max() > 0.01 for one in rest if one.in_front == 1.0)
+    best = orient_pair(*noisy)
+    assert [one.error for one in best] == sorted(one.error for one in best)
+    np.testing.assert_allclose(soon.rotation, best[0].rotation, atol=1e-3)
+    # the same orientations, whatever is known of the noise
+    assert len(best) == 1 + len(rest)
 
 
 @given(st.integers(0, 10_000))
@@ -258,6 +303,9 @@ def test_similarity_beside_wrong_points(seed: int) -> None:
     refined = fit_to_partial(source, partial, start)
     assert refined is not None
     np.testing.assert_allclose(refined.apply(source), target, atol=1e-5 * scale)
+    nearly = fit_to_partial(source, partial, start, close=1e-3)
+    assert nearly is not None
+    np.testing.assert_allclose(nearly.apply(source), target, atol=0.01 * scale)
 
 
 @pytest.mark.parametrize("count", [60, 900])

@@ -137,11 +137,11 @@ def test_a_seed_has_no_orientation_in_which_its_rays_miss_far_more_than_in_anoth
     rays, by_photo = unit_rays(problem), rays_of_photos(problem)
     pairs = view_graph(problem).strongest(6, np.ones(len(problem.photos), dtype=bool))[:4]
     nowhere, left_out = np.zeros(len(problem.photos), dtype=bool), 0
-    for pair, found in seeds._seeds(problem, rays, by_photo, pairs, nowhere):
+    for pair, possible in seeds._seeds(problem, rays, by_photo, pairs, nowhere):
+        found = [one.error for one in possible]
         one, other = rays_of_common_points(problem, by_photo, pair)
         every = [each.error for each in orient_pair(rays[one], rays[other])]
-        limit = 10.0 * max(every[0], problem.sigma[0] / problem.c[0])
-        assert [each.error for each in found] == [error for error in every[:3] if error <= limit]
+        assert max(found) <= 10.0 * max(found[0], problem.sigma[0] / problem.c[0])
         left_out += len(every[:3]) - len(found)
     assert left_out > 0
 

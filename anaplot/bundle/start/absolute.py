@@ -13,6 +13,7 @@ from anaplot.photogrammetry.similarity import Similarity, fit_to_partial, robust
 
 __all__ = ["give_nominal_place", "to_ground", "to_some_ground"]
 
+_CLOSE = 1e-4  # step after which a similarity is refined: the bundle goes on
 _TURNS = 120  # about a line of control
 _RAYS_AT_ONCE = 20_000  # turned and projected together
 
@@ -36,7 +37,7 @@ def to_ground(problem: Problem, subblock: SubBlock) -> bool:
         candidates += _line_starts(source[full], target[full])
     best, best_size = None, float("inf")
     for candidate in candidates:
-        refined = fit_to_partial(source, target, candidate)
+        refined = fit_to_partial(source, target, candidate, close=_CLOSE)
         if refined is None:
             continue
         off = np.abs(refined.apply(source) - target)

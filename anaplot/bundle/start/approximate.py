@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
@@ -28,6 +29,7 @@ from anaplot.bundle.start.subblock import (
     unit_rays,
 )
 from anaplot.bundle.start.vertical import LEVEL, PLAINLY_LEVEL, vertical_subblock
+from anaplot.bundle.start.viewgraph import view_graph
 from anaplot.errors import NotComputableError
 
 __all__ = [
@@ -82,6 +84,13 @@ def approximate_ways(problem: Problem) -> list[Way]:
     chains: list[Chain] = []  # of the strips, once they are bridged
     hang_together: list[BlockState] = []  # strips that need no pairs
     rays, by_photo = unit_rays(problem), rays_of_photos(problem)
+    graph = cache(lambda: view_graph(problem))
+
+    def seeded(among: Bools, progress: Progress | None) -> SubBlock | None:
+        return grown_from_seed(problem, rays, by_photo, among, graph=graph(), progress=progress)
+
+    def joined(free: list[SubBlock], progress: Progress | None) -> BlockState:
+        return _joined(problem, rays, by_photo, free, progress, seeded)
 
     def stated(progress: Progress | None) -> BlockState | None:
         given = _given(problem, rays, _STATED)
@@ -98,19 +107,21 @@ def approximate_ways(problem: Problem) -> list[Way]:
         free = parts(progress)
         if not free:
             return None
-        hang_together.append(_joined(problem, rays, by_photo, free, progress, others=False))
+        hang_together.append(_joined(problem, rays, by_photo, free, progress, seeded, others=False))
         return hang_together[0]
 
     def tilted(progress: Progress | None) -> BlockState | None:
-        part = grown_from_plane(problem, rays, by_photo, progress)
+        part = grown_from_plane(problem, rays, by_photo, progress, graph=graph())
         if part is None:
             return None
-        return _joined(problem, rays, by_photo, [part], progress)
+        return joined([part], progress)
 
     def level(progress: Progress | None) -> BlockState | None:
-        subblock = vertical_subblock(problem, progress, reach=PLAINLY_LEVEL)
+        subblock = vertical_subblock(problem, progress, reach=PLAINLY_LEVEL, graph=graph())
         if subblock is None:
-            put_off.append(lambda then: vertical_subblock(problem, then, reach=LEVEL))
+            put_off.append(
+                lambda then: vertical_subblock(problem, then, reach=LEVEL, graph=graph())
+            )
             return None
         if _misses_by_far(problem, subblock):
             put_off.append(lambda _: subblock)
@@ -124,10 +135,10 @@ def approximate_ways(problem: Problem) -> list[Way]:
         free = parts(progress)
         if not free:
             return None
-        return _joined(problem, rays, by_photo, free, progress)
+        return joined(free, progress)
 
     def paired(progress: Progress | None) -> BlockState | None:
-        return _joined(problem, rays, by_photo, [], progress)
+        return joined([], progress)
 
     def hopeless(progress: Progress | None) -> BlockState | None:
         subblock = put_off.pop()(progress) if put_off else None
@@ -170,12 +181,14 @@ def _joined(
     by_photo: list[Index],
     free: list[SubBlock],
     progress: Progress | None,
+    seeded: Callable[[Bools, Progress | None], SubBlock | None],
     *,
     others: bool = True,
 ) -> BlockState:
     """Join parts over common points and control, and add what is not in them.
 
-    With `others`, pairs in any attitude orient what does not hang together with that.
+    With `others`, pairs in any attitude orient what does not hang together with that: `seeded`
+    returns what grows from one of some photos.
     """
     ground = _given(problem, rays)
     if ground is None:
@@ -188,7 +201,7 @@ def _joined(
     if not ground.oriented.any():
         ground = _from_control(problem, by_photo)
         if not ground.oriented.any():
-            part = free[0] if free else grown_from_seed(problem, rays, by_photo, progress=progress)
+            part = free[0] if free else seeded(~ground.oriented, progress)
             if part is not None:
                 ground = part
                 if not to_ground(problem, ground):
@@ -196,7 +209,7 @@ def _joined(
     _grow(problem, ground, rays, by_photo, free, progress)
     missing = np.nonzero(~ground.oriented)[0]
     if len(missing) and others:
-        ground = _other_parts(problem, ground, rays, by_photo, progress)
+        ground = _other_parts(problem, ground, rays, by_photo, progress, seeded)
         missing = np.nonzero(~ground.oriented)[0]
     if len(missing):
         raise _not_oriented(problem, ground, missing)
@@ -421,6 +434,7 @@ def _other_parts(
     rays: Array,
     by_photo: list[Index],
     progress: Progress | None,
+    seeded: Callable[[Bools, Progress | None], SubBlock | None],
 ) -> SubBlock:
     """Orient photos that do not hang together with the ground sub-block by themselves."""
     for _ in range(len(problem.photos)):
@@ -435,7 +449,7 @@ def _other_parts(
             _grow(problem, ground, rays, by_photo, [], progress)
             continue
         # grown over all photos: what both have in common joins them
-        part = grown_from_seed(problem, rays, by_photo, missing, progress=progress)
+        part = seeded(missing, progress)
         if part is None:
             break
         if not ground.join(part):

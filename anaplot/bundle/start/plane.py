@@ -68,7 +68,12 @@ class _Homography(NamedTuple):
 
 
 def grown_from_plane(
-    problem: Problem, rays: Array, by_photo: list[Index], progress: Progress | None = None
+    problem: Problem,
+    rays: Array,
+    by_photo: list[Index],
+    progress: Progress | None = None,
+    *,
+    graph: ViewGraph | None = None,
 ) -> SubBlock | None:
     """Return what grows from photos of a plane.
 
@@ -82,6 +87,8 @@ def grown_from_plane(
         The rays of each photo.
     progress
         Called with what is being done and the fraction of it.
+    graph
+        The view graph, where it is known.
 
     Returns
     -------
@@ -89,7 +96,7 @@ def grown_from_plane(
         None where fewer than three photos show that the object is flat, and where they look
         straight at it: these are level photos.
     """
-    graph = view_graph(problem)
+    graph = view_graph(problem) if graph is None else graph
     every = np.ones(len(problem.photos), dtype=bool)
     strongest = graph.strongest(_FEWEST, every)
     if not len(strongest):

@@ -7,14 +7,15 @@ first, and the best are refined, robustly, to the minimum near them.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 
-from anaplot.aliases import Array
+from anaplot.aliases import Array, Bools, Index
 from anaplot.photogrammetry.collinearity import turns
 
-__all__ = ["RelativeOrientation", "orient_pair", "spread_rotations"]
+__all__ = ["RelativeOrientation", "orient_pair", "orientations", "spread_rotations"]
 
 
 _STARTS = 600
@@ -22,6 +23,7 @@ _REFINED = 40
 _MOST_POINTS = 80
 _STEPS = 30
 _STILL = 1e-5  # step after which a candidate is at rest [rad]
+_NEARLY = 1e-4  # the same, after which one that explains the rays is taken
 _MEETING = 1e-10  # square of the sine at which rays meet
 _IN_FRONT = 0.6  # share of the points that are in front of both photos
 _SAME = 0.02  # by which elements of orientations differ that are the same, together
@@ -61,6 +63,21 @@ def orient_pair(first: Array, second: Array) -> list[RelativeOrientation]:
     first, second
         (n, 3) rays of the common points in image axes, n >= 5.
     """
+    return list(orientations(first, second, 0.0))
+
+
+def orientations(first: Array, second: Array, noise: float) -> Iterator[RelativeOrientation]:
+    """Yield possible relative orientations, first what explains the rays as soon as it is found.
+
+    The others are not sought before they are asked for; they come the best first.
+
+    Parameters
+    ----------
+    first, second
+        (n, 3) rays of the common points in image axes, n >= 5.
+    noise
+        Angle by which rays miss each other by their noise alone [rad].
+    """
     p = first / np.linalg.norm(first, axis=1)[:, None]
     q = second / np.linalg.norm(second, axis=1)[:, None]
     if len(p) > _MOST_POINTS:
@@ -71,7 +88,20 @@ def orient_pair(first: Array, second: Array) -> list[RelativeOrientation]:
     bases, size = _best_bases(starts, pair)
     chosen = np.argsort(size)[:_REFINED]
     chosen = np.unique(np.append(chosen, 0))
-    return _distinct(_seen_both_ways(*_refine(starts[chosen], bases[chosen], pair), pair))
+    refined = _Refined(starts[chosen], bases[chosen], pair)
+    soon: list[RelativeOrientation] = []
+    for _ in range(_STEPS):
+        explained = refined.step(noise)
+        if len(explained) and not soon:
+            soon = _distinct(
+                _seen_both_ways(refined.rotations[explained], refined.bases[explained], pair)
+            )
+            yield from soon
+        if not refined.moving:
+            break
+    for found in _distinct(_seen_both_ways(refined.rotations, refined.bases, pair)):
+        if all(_differ(found.rotation, found.base, other) for other in soon):
+            yield found
 
 
 class _Candidates(NamedTuple):
@@ -101,10 +131,9 @@ def _seen_both_ways(rotations: Array, bases: Array, pair: _Pair) -> _Candidates:
     half = 2.0 * bases[:, :, None] * bases[:, None, :] - np.eye(3)
     here = np.stack((rotations, half @ rotations), axis=1).reshape(-1, 3, 3)
     base = np.repeat(bases, 2, axis=0)
-    turned = pair.turned(here)
-    pq = (turned * pair.first).sum(axis=2)
+    pq = pair.cosines(here)
     angle = _medians(np.arccos(np.clip(pq, -1.0, 1.0)))
-    bp, bq = base @ pair.first.T, np.matmul(turned, base[:, :, None])[:, :, 0]
+    bp, bq = base @ pair.first.T, pair.along_base(here, base)
     # how far along the rays they meet
     along_p, along_q = bp - pq * bq, pq * bp - bq
     good = 1.0 - pq**2 > _MEETING
@@ -127,12 +156,17 @@ def _distinct(found: _Candidates) -> list[RelativeOrientation]:
     while len(order) and len(chosen) < _DISTINCT:
         best = int(order[0])
         chosen.append(best)
-        turned = found.rotation[order] - found.rotation[best]
-        moved = found.base[order] - found.base[best]
-        differs = np.sqrt((turned**2).sum(axis=(1, 2))) > _SAME
-        order = order[differs | (np.sqrt((moved**2).sum(axis=1)) > _SAME)]
+        order = order[_differ(found.rotation[order], found.base[order], found.one(best))]
     chosen.sort(key=lambda k: found.error[k])
     return [found.one(k) for k in chosen]
+
+
+def _differ(rotations: Array, bases: Array, other: RelativeOrientation) -> Bools:
+    """Whether (..., 3, 3) rotations and (..., 3) bases are another orientation than that."""
+    turned, moved = rotations - other.rotation, bases - other.base
+    out: Bools = np.sqrt((turned**2).sum(axis=(-1, -2))) > _SAME
+    out |= np.sqrt((moved**2).sum(axis=-1)) > _SAME
+    return out
 
 
 def spread_rotations(count: int) -> Array:
@@ -156,25 +190,46 @@ def spread_rotations(count: int) -> Array:
 def _best_bases(rotations: Array, pair: _Pair) -> tuple[Array, Array]:
     """Return the base of smallest misclosure for each rotation, and that misclosure."""
     normals = pair.normals(rotations)
-    values, vectors = np.linalg.eigh(np.matmul(normals.transpose(0, 2, 1), normals))
+    values, vectors = np.linalg.eigh(np.matmul(normals, normals.transpose(0, 2, 1)))
     # normals shrink when all rays are parallel: the misclosure is judged against them
     return vectors[:, :, 0], values[:, 0] / np.maximum(values.sum(axis=1), 1e-12)
 
 
-def _refine(rotations: Array, bases: Array, pair: _Pair) -> tuple[Array, Array]:
-    """Robust damped Gauss-Newton of all candidates side by side."""
-    rotations, bases = rotations.copy(), bases.copy()
-    damping = np.full(len(bases), 1e-3)
-    at = np.arange(len(bases))  # those that have not come to rest
-    e = pair.misclosures(rotations, bases)
-    for _ in range(_STEPS):
-        r, b = rotations[at], bases[at]
+class _Refined:
+    """Many candidates refined side by side by robust damped Gauss-Newton.
+
+    Attributes
+    ----------
+    rotations, bases
+        (k, 3, 3) and (k, 3).
+    """
+
+    def __init__(self, rotations: Array, bases: Array, pair: _Pair) -> None:
+        self.rotations, self.bases = rotations.copy(), bases.copy()
+        self._pair = pair
+        self._damping = np.full(len(bases), 1e-3)
+        self._at = np.arange(len(bases))  # those that have not come to rest
+        self._e = pair.misclosures(rotations, bases)
+
+    @property
+    def moving(self) -> bool:
+        """Whether any of them has not come to rest."""
+        return len(self._at) > 0
+
+    def step(self, noise: float) -> Index:
+        """Step with all that have not come to rest.
+
+        Returns those that nearly have, and whose rays miss each other by less than `noise` [rad]
+        in the median.
+        """
+        at, e, pair = self._at, self._e, self._pair
+        r, b = self.rotations[at], self.bases[at]
         scale = np.maximum(2.0 * _medians(np.abs(e)), 1e-9)[:, None]
         square = (e / scale) ** 2
         cost = np.log1p(square).sum(axis=1)
         normal, right = pair.equations(r, b, e, 1.0 / (1.0 + square))
         trace = np.trace(normal, axis1=1, axis2=2)[:, None, None] / 6.0
-        normal += (damping[at][:, None, None] * trace + 1e-14) * np.eye(6)
+        normal += (self._damping[at][:, None, None] * trace + 1e-14) * np.eye(6)
         # the base keeps its length: its correction along itself is held
         normal[:, 3:, 3:] += trace * b[:, :, None] * b[:, None, :] * 1e3
         step = np.asarray(np.linalg.solve(normal, right)[:, :, 0], dtype=np.float64)
@@ -184,14 +239,13 @@ def _refine(rotations: Array, bases: Array, pair: _Pair) -> tuple[Array, Array]:
         new_e = pair.misclosures(trial_r, trial_b)
         better = np.log1p((new_e / scale) ** 2).sum(axis=1) <= cost
         to = at[better]
-        rotations[to], bases[to] = trial_r[better], trial_b[better]
+        self.rotations[to], self.bases[to] = trial_r[better], trial_b[better]
         e[better] = new_e[better]
-        damping[at] = np.clip(damping[at] * np.where(better, 0.2, 10.0), 1e-10, 1e6)
-        moving = np.abs(step).max(axis=1) > _STILL
-        at, e = at[moving], e[moving]
-        if not len(at):
-            break
-    return rotations, bases
+        self._damping[at] = np.clip(self._damping[at] * np.where(better, 0.2, 10.0), 1e-10, 1e6)
+        size = np.abs(step).max(axis=1)
+        moving, nearly = size > _STILL, size <= _NEARLY
+        self._at, self._e = at[moving], e[moving]
+        return np.asarray(at[nearly][_medians(np.abs(e[nearly])) < noise])
 
 
 class _Pair:
@@ -205,37 +259,41 @@ class _Pair:
 
     def __init__(self, first: Array, second: Array) -> None:
         self.first, self.second = first, second
-        n, (x, y, z), zero = len(first), first.T, np.zeros(len(first))
-        across = np.stack((zero, -z, y, z, zero, -x, -y, x, zero), axis=1).reshape(n, 3, 3)
-        products = across[:, :, :, None] * second[:, None, None, :]
-        self._across = np.ascontiguousarray(products.reshape(3 * n, 9).T)
+        (x, y, z), zero = first.T, np.zeros(len(first))
+        across = np.array(((zero, -z, y), (z, zero, -x), (-y, x, zero)))
+        # a row for each element of the rotation
+        products = across.transpose(1, 0, 2)[:, None] * second.T[:, None]
+        self._across = products.reshape(9, -1)
+        self._along = (first.T[:, None] * second.T).reshape(9, -1)
 
     def normals(self, rotations: Array) -> Array:
-        """(k, n, 3) p x R q of (k, 3, 3) rotations R."""
-        out: Array = (rotations.reshape(-1, 9) @ self._across).reshape(len(rotations), -1, 3)
+        """(k, 3, n) p x R q of (k, 3, 3) rotations R."""
+        out: Array = (rotations.reshape(-1, 9) @ self._across).reshape(len(rotations), 3, -1)
         return out
 
-    def turned(self, rotations: Array) -> Array:
-        """(k, n, 3) R q."""
-        return np.asarray(np.matmul(self.second, rotations.transpose(0, 2, 1)))
+    def cosines(self, rotations: Array) -> Array:
+        """(k, n) p . R q."""
+        return np.asarray(rotations.reshape(-1, 9) @ self._along)
+
+    def along_base(self, rotations: Array, bases: Array) -> Array:
+        """(k, n) b . R q."""
+        return np.asarray(np.matmul(bases[:, None], rotations)[:, 0] @ self.second.T)
 
     def misclosures(self, rotations: Array, bases: Array) -> Array:
         """(k, n) b . (p x R q)."""
-        return np.asarray(np.matmul(self.normals(rotations), bases[:, :, None])[:, :, 0])
+        return np.asarray(np.matmul(bases[:, None], self.normals(rotations))[:, 0])
 
     def equations(
         self, rotations: Array, bases: Array, e: Array, weight: Array
     ) -> tuple[Array, Array]:
         """Return (k, 6, 6) normal equations of a turn and a step of the base, and right sides."""
-        turned = self.turned(rotations)
-        k, n, _ = turned.shape
-        design = np.empty((k, n, 6))
+        design = np.empty((len(rotations), 6, len(self.first)))
         # R q x (b x p) = b (R q . p) - p (R q . b)
-        design[:, :, :3] = bases[:, None] * (turned * self.first).sum(axis=2)[:, :, None]
-        design[:, :, :3] -= self.first * np.matmul(turned, bases[:, :, None])
-        design[:, :, 3:] = self.normals(rotations)
-        half = (design * weight[:, :, None]).transpose(0, 2, 1)
-        return np.matmul(half, design), -np.matmul(half, e[:, :, None])
+        np.multiply(bases[:, :, None], self.cosines(rotations)[:, None], out=design[:, :3])
+        design[:, :3] -= self.first.T * self.along_base(rotations, bases)[:, None]
+        design[:, 3:] = self.normals(rotations)
+        half = design * weight[:, None]
+        return np.matmul(half, design.transpose(0, 2, 1)), -np.matmul(half, e[:, :, None])
 
 
 def _medians(values: Array) -> Array:

@@ -8,14 +8,15 @@ are resected next.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import chain, islice
 
 import numpy as np
 
 from anaplot.aliases import Array, Bools, Index, Progress
 from anaplot.bundle.solve.problem import Problem
-from anaplot.bundle.start.relative import RelativeOrientation, orient_pair
+from anaplot.bundle.start.relative import RelativeOrientation, orientations
 from anaplot.bundle.start.subblock import SubBlock, median_miss
-from anaplot.bundle.start.viewgraph import view_graph
+from anaplot.bundle.start.viewgraph import ViewGraph, view_graph
 
 __all__ = ["PAIRS", "PHOTOS", "grown_from_seed", "rays_of_common_points", "spread"]
 
@@ -39,6 +40,7 @@ def grown_from_seed(
     by_photo: list[Index],
     among: Bools | None = None,
     *,
+    graph: ViewGraph | None = None,
     progress: Progress | None = None,
 ) -> SubBlock | None:
     """Return what grows from two photos, of several parts the one with most photos.
@@ -54,6 +56,8 @@ def grown_from_seed(
     among
         (photos,) which have no place yet: of these is the seed, and these count. The part grows
         over their neighbours as well, so that it can be joined to where those are.
+    graph
+        The view graph, where it is known.
     progress
         Called with what is being done and the fraction of it.
 
@@ -67,14 +71,14 @@ def grown_from_seed(
     fits = max(_GROWN * float(np.median(problem.sigma)), _DRIFT * float(np.median(problem.c)))
     best: SubBlock | None = None
     best_score = (-1, 0.0)
-    graph = view_graph(problem)
+    graph = view_graph(problem) if graph is None else graph
     beyond = ~graph.with_neighbours(among)
     pairs = graph.strongest(_FEWEST, among)[:_ORIENTED]
     reached = np.zeros(len(problem.photos), dtype=bool)
-    for count, (pair, orientations) in enumerate(_seeds(problem, rays, by_photo, pairs, reached)):
+    for count, (pair, possible) in enumerate(_seeds(problem, rays, by_photo, pairs, reached)):
         if progress is not None:
             progress(PAIRS, count / _SEEDS)
-        for found in orientations:
+        for found in possible:
             part = SubBlock.empty(problem)
             part.centres[pair] = np.zeros(3), found.base
             part.rotations[pair] = np.eye(3), found.rotation
@@ -97,33 +101,48 @@ def grown_from_seed(
 
 def _seeds(
     problem: Problem, rays: Array, by_photo: list[Index], pairs: Index, reached: Bools
-) -> Iterator[tuple[Index, list[RelativeOrientation]]]:
+) -> Iterator[tuple[Index, Iterator[RelativeOrientation]]]:
     """Yield pairs of photos with possible orientations, the best seeds first.
 
     Of pairs with most common points those that show them at an angle; where there are too few,
     those that come nearest to it. None with both photos among those that, by then, are `reached`.
     """
-    flat: list[tuple[Index, list[RelativeOrientation]]] = []
+    flat: list[tuple[float, Index, Iterator[RelativeOrientation]]] = []
     good = 0
-    sharp = float(np.median(problem.sigma) / np.median(problem.c))
     for pair in pairs:
         if reached[pair].all():
             continue
-        one, other = rays_of_common_points(problem, by_photo, pair)
-        found = orient_pair(rays[one], rays[other])[:_ORIENTATIONS]
-        if not found:
+        every = _orientations(problem, rays, by_photo, pair)
+        best = next(every, None)
+        if best is None:
             continue
-        reach = _WORSE * max(found[0].error, sharp)
-        found = [each for each in found if each.error <= reach]
-        if found[0].angle < _ANGLE:
-            flat.append((pair, found))
+        found: Iterator[RelativeOrientation] = chain((best,), every)
+        if best.angle < _ANGLE:
+            flat.append((best.angle, pair, found))
             continue
         yield pair, found
         good += 1
         if good == _SEEDS:
             return
-    flat.sort(key=lambda seed: -seed[1][0].angle)
-    yield from flat[: _SEEDS - good]
+    flat.sort(key=lambda seed: -seed[0])
+    for _, pair, found in flat[: _SEEDS - good]:
+        yield pair, found
+
+
+def _orientations(
+    problem: Problem, rays: Array, by_photo: list[Index], pair: Index
+) -> Iterator[RelativeOrientation]:
+    """Yield possible orientations of a pair, the best first; none far worse than that."""
+    one, other = rays_of_common_points(problem, by_photo, pair)
+    both = np.concatenate((one, other))
+    noise = float(np.mean(problem.sigma[both] / problem.c[problem.photo[both]]))
+    every = orientations(rays[one], rays[other], noise)
+    best = next(every, None)
+    if best is None:
+        return
+    yield best
+    reach = _WORSE * max(best.error, noise)
+    yield from islice((each for each in every if each.error <= reach), _ORIENTATIONS - 1)
 
 
 def rays_of_common_points(

@@ -21,7 +21,7 @@ from scipy.sparse.linalg import MatrixRankWarning, spsolve
 from anaplot.aliases import Array, Complex, Index, Progress
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.start.subblock import SubBlock
-from anaplot.bundle.start.viewgraph import view_graph
+from anaplot.bundle.start.viewgraph import ViewGraph, view_graph
 from anaplot.photogrammetry.rotation import rotation_matrix
 
 __all__ = ["LEVEL", "PLAINLY_LEVEL", "vertical_subblock"]
@@ -59,7 +59,11 @@ class _Rays(NamedTuple):
 
 
 def vertical_subblock(
-    problem: Problem, progress: Progress | None = None, *, reach: float = LEVEL
+    problem: Problem,
+    progress: Progress | None = None,
+    *,
+    reach: float = LEVEL,
+    graph: ViewGraph | None = None,
 ) -> SubBlock | None:
     """Orient all photos as vertical ones.
 
@@ -74,6 +78,8 @@ def vertical_subblock(
         Called with what is being done and the fraction of it.
     reach
         Share of c by which points of two such photos may miss each other, in the median.
+    graph
+        The view graph, where it is known.
 
     Returns
     -------
@@ -87,7 +93,7 @@ def vertical_subblock(
 
     say(0.0)
     rays = _rays(problem)
-    edges = _edges(problem, rays, say)
+    edges = _edges(problem, rays, view_graph(problem) if graph is None else graph, say)
     if not edges:
         return None
     if float(np.median([edge.misfit for edge in edges])) > reach * float(np.median(problem.c)):
@@ -112,9 +118,11 @@ def _rays(problem: Problem) -> _Rays:
     return _Rays(key // p, key % p, w / count)
 
 
-def _edges(problem: Problem, rays: _Rays, say: Callable[[float], None]) -> list[_Edge]:
+def _edges(
+    problem: Problem, rays: _Rays, graph: ViewGraph, say: Callable[[float], None]
+) -> list[_Edge]:
     """Similarities between the photos that have most points in common."""
-    wanted = view_graph(problem).strongest_of_each(_NEIGHBOURS).tolist()
+    wanted = graph.strongest_of_each(_NEIGHBOURS).tolist()
     n = len(problem.photos)
     ends = np.searchsorted(rays.photo, np.arange(n + 1))
     found = []
