@@ -28,12 +28,11 @@ Sweeps begin without what the place of linearisation was found without: what a r
 leaves far off, or what the pass before has rejected. There the rule decides anew in every place as
 if all of its own rows were in, so that steps and statistics are those of the place; what stands at
 the end of a pass stays the same in the next. On the way from a robust solution a tenth of the bound
-is in doubt: what is alike off in one photo is known already, and the next pass looks again. Its end
-is seen once from an adjustment without the rejected rows, so that the next pass finds the same.
+is in doubt: what is alike off in one photo is known already, and the next pass looks again.
 
 A sweep need not adjust anew to see what is left: the misclosures follow exactly from the adjustment
-with all rows (`WithoutRows.drafted`), only the redundancy numbers leave out what places do to each
-other. The end of a pass that is no draft is always seen from an adjustment without its rows.
+that it begins with (`WithoutRows.drafted`), only the redundancy numbers leave out what places do to
+each other. The end of a pass that is no draft is always seen from an adjustment without its rows.
 """
 
 from __future__ import annotations
@@ -91,6 +90,18 @@ class RowsGiven(Protocol):
         """The v'Pv of what is in."""
         ...
 
+    @property
+    def exact(self) -> bool:
+        """Whether redundancy numbers have what places do to each other."""
+        ...
+
+    def back(self, row: int) -> float | None:
+        """Return that of one row, with what places do to each other.
+
+        None of a row that was in where all is seen from.
+        """
+        ...
+
     def places_of(self, rows: Index) -> Index:
         """Return (k,) the places of k rows; -1 of a row that has none."""
         ...
@@ -100,7 +111,7 @@ class RowsGiven(Protocol):
         ...
 
     def reach(self, numbers: Index) -> Array:
-        """Return (k,) the `Places.reach` of places."""
+        """Return (k,) the `reach_of` places."""
         ...
 
     def touching(self, numbers: Index) -> Touching:
@@ -208,11 +219,6 @@ class _Sweeps:
         return self.draft and bool(self.without.begun)
 
     @property
-    def rough(self) -> bool:
-        """Whether redundancy numbers by the places alone are good enough for the end."""
-        return self.draft and not self.robust
-
-    @property
     def critical(self) -> float:
         """Critical value of w."""
         return critical_normal(self.alpha)
@@ -231,10 +237,11 @@ class _Sweeps:
             if begun.out != out:
                 out, exact = begun.out, False
                 del given  # as large as a block
-                given = self._given(out, number, exact=exact)
+                # what a robust solution leaves out may be much of what checks the others
+                given = self._given(out, number, exact=self.robust)
         seen = {out}
         while not self.watch.stopped:
-            share = _IN_THE_MEAN if self.robust and not exact else 1.0
+            share = _IN_THE_MEAN if self.robust else 1.0
             found = self._sweep(given, out, share=share)
             if not found.steps:
                 found = self._exchanged(given, out)
@@ -242,7 +249,7 @@ class _Sweeps:
             if found.steps and found.out in seen:
                 # rows that go only as long as the others are in: one after the other
                 found = found.first_alone(out, seen)
-            if not (found.steps or exact or self.rough):
+            if not (found.steps or exact or self.draft):
                 # sets that were left for redundancy numbers by the places alone may be right
                 exact, seen = True, {out}
                 del given
@@ -252,12 +259,6 @@ class _Sweeps:
                 break
             if len(seen) > MOST_SWEEPS:
                 remarks = (f"the rejected observations did not settle in {MOST_SWEEPS} sweeps",)
-                break
-            if exact and self.draft:
-                # the next pass looks at the few that this has changed
-                steps, out = steps + found.steps, found.out
-                del given
-                given = self._given(out, number, exact=False)
                 break
             objective = self._objective(given, out)
             del given

@@ -118,7 +118,8 @@ class Rejection(NamedTuple, Generic[K]):
         Estimated gross error of the row and its a-priori standard deviation, all others that are
         out left out as well; None when the remaining rows cannot tell.
     r
-        Its redundancy number when it was rejected (before it was taken out); zero without a row.
+        Its redundancy number when it was rejected (before it was taken out); zero without a row. Of
+        what was cleaned apart that in its place, what is out elsewhere being out.
     weight
         Factor of its weight at the end of a re-weighting; None without one.
     partners

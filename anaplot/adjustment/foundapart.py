@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Hashable, Sequence
-from math import sqrt
+from math import log, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -26,18 +26,20 @@ from anaplot.adjustment.findings import (
     SearchStep,
 )
 from anaplot.adjustment.leftout import remaining, spread
-from anaplot.adjustment.reliability import ERROR_PRIOR_SIGMAS
+from anaplot.adjustment.reliability import ERROR_PRIOR_SIGMAS, NONE_PRIOR
 from anaplot.adjustment.residualsystem import ResidualSystem
 from anaplot.adjustment.significance import TESTABLE, critical_normal
-from anaplot.adjustment.tested import Odds, error_odds
+from anaplot.adjustment.tested import Odds, error_odds, log_bayes_factor
 from anaplot.adjustment.watch import Watch
-from anaplot.aliases import Bools
+from anaplot.aliases import Array, Bools, Index
 
 __all__ = ["APART", "Apart", "found_apart", "found_apart_at", "stopped_at"]
 
 
 APART = ("baarda", "search")
 """Strategies that clean rows apart."""
+
+_FAR_MORE = 40.0  # log of how much more probable the row that is far off is than all else
 
 
 class Apart(NamedTuple):
@@ -77,7 +79,7 @@ def found_apart(
     system, strategy, settings, suspects, left_out, watch, apart
         As `find_gross_errors` has them; the strategy is one of `APART`.
     """
-    n, most = len(system.e), settings.room(system.redundancy - len(left_out))
+    n, most = len(system.names), settings.room(system.redundancy - len(left_out))
     allowed = np.ones(n, dtype=bool) if suspects is None else suspects
     end = clean_apart(
         apart.without,
@@ -97,7 +99,7 @@ def found_apart(
     # of a pass that changes something nobody asks for more than what it rejects
     same = {*end.rows, *left_out} == {*apart.without.begun, *left_out}
     last = not end.rows if apart.draft else same
-    return _findings(system, strategy, settings, left_out, apart, end, last=last)
+    return _findings(system, strategy, settings, allowed, left_out, apart, end, last=last)
 
 
 def found_apart_at(
@@ -111,30 +113,28 @@ def found_apart_at(
     rows = tuple(sorted(findings.rows))
     given = apart.without.adjusted(sorted({*rows, *left_out}))
     end = ApartEnd(given, rows, list(findings.steps), findings.remarks)
-    return _findings(system, findings.strategy, settings, left_out, apart, end, last=True)
+    every = np.ones(len(system.names), dtype=bool)
+    return _findings(system, findings.strategy, settings, every, left_out, apart, end, last=True)
 
 
 def _findings(
     system: ResidualSystem,
     strategy: str,
     settings: SearchSettings,
+    allowed: Bools,
     left_out: Collection[int],
     apart: Apart,
     end: ApartEnd,
     *,
     last: bool,
 ) -> Findings:
-    n = len(system.e)
-    e, r = system.e, system.r
-    if left_out:
-        begun = (apart.without.adjusted if last else apart.without.drafted)(sorted(left_out))
-        e, r = begun.e.copy(), begun.r.copy()
-        e[list(left_out)], r[list(left_out)] = 0.0, 0.0
-    rows, testable = remaining(n, left_out), r >= TESTABLE
-    size = np.full(n, np.nan)
-    size[testable] = np.abs(e[testable]) / np.sqrt(r[testable])
-    f = system.redundancy - len(left_out)
-    single = error_odds(ERROR_PRIOR_SIGMAS**2 * r[rows], size[rows], f, "baarda")
+    n = len(system.names)
+    rows, f = remaining(n, left_out), system.redundancy - len(left_out)
+    given = _all_in(apart.without, allowed, rows, left_out, f) if last else end.given
+    size = standardized(given, () if last else end.rows)
+    testable = given.r >= TESTABLE
+    testable[list(left_out)] = False
+    single = error_odds(ERROR_PRIOR_SIGMAS**2 * given.r[rows], size[rows], f, "baarda")
     rejected, partners = _retraced(system.names, end, left_out, settings.partner)
     return Findings(
         strategy=strategy,
@@ -145,19 +145,69 @@ def _findings(
         at_end=_at_end(end.given, [*end.rows], list(left_out), f - len(end.rows)),
         odds=Odds(spread(single.rows, rows, n), single.none),
         remarks=end.remarks,
-        held=tuple(
-            Rejection(
-                row,
-                system.names[row],
-                0,
-                None,
-                None,
-                float(end.given.e[row]),
-                float(end.given.r[row] ** -0.5),
-                r=float(system.r[row]),
-            )
-            for row in left_out
-        ),
+        held=_held(system.names, end.given, left_out),
+    )
+
+
+def _all_in(
+    without: WithoutRows, allowed: Bools, rows: Index, left_out: Collection[int], f: int
+) -> RowsGiven:
+    """Return all rows but those out for good.
+
+    Redundancy numbers by the places alone are taken where exact ones would say the same: coming
+    back, rows only make those of others larger.
+    """
+    out = sorted(left_out)
+    draft = without.drafted(out)
+    if draft.exact:
+        return draft
+    in_doubt = draft.r[rows] < TESTABLE
+    # what is switched off, nothing checks
+    in_doubt &= allowed[rows] | (draft.r[rows] > 0.0)
+    if {*out} <= {*without.begun} and not in_doubt.any() and _outweighs(draft, rows, f):
+        return draft
+    return without.adjusted(out)
+
+
+def _outweighs(draft: RowsGiven, rows: Index, f: int) -> bool:
+    """Whether a gross error in one row is far more probable than in any other, and than none."""
+    e, r = draft.e[rows], np.maximum(draft.r[rows], TESTABLE)
+    # of the others no less than by their exact redundancy numbers
+    logs = _log_odds(e, r, f)
+    row = int(np.argmax(logs))
+    exact = draft.back(int(rows[row]))
+    if exact is None:
+        return False
+    logs[row] = -np.inf
+    none = log(NONE_PRIOR / (1.0 - NONE_PRIOR) * len(rows))
+    own = float(_log_odds(e[row], np.array(exact), f))
+    return own - max(float(logs.max()), none) > _FAR_MORE
+
+
+def _log_odds(e: Array, r: Array, f: int) -> Array:
+    return log_bayes_factor(ERROR_PRIOR_SIGMAS**2 * r, e * e / r, f, "baarda")
+
+
+def _held(
+    names: Sequence[Hashable], given: RowsGiven, left_out: Collection[int]
+) -> tuple[Rejection[Hashable], ...]:
+    """Say how rows that are out for good stand, each in its place with all rows of that in."""
+    rows = np.array(sorted(left_out), dtype=np.intp)
+    r = given.r.copy()
+    for places in given.places(np.unique(given.places_of(rows))):
+        r[places.rows] = places.r
+    return tuple(
+        Rejection(
+            row,
+            names[row],
+            0,
+            None,
+            None,
+            float(given.e[row]),
+            float(given.r[row] ** -0.5),
+            r=float(r[row]),
+        )
+        for row in left_out
     )
 
 

@@ -19,7 +19,7 @@ from anaplot.adjustment.residualsystem import DenseResiduals
 from anaplot.adjustment.significance import TESTABLE
 from anaplot.aliases import Array, Bools, Index
 
-__all__ = ["Place", "Places", "inverse_among", "nothing_better", "plainly_rejected"]
+__all__ = ["Place", "Places", "inverse_among", "nothing_better", "plainly_rejected", "reach_of"]
 
 
 _SEPARATE = 1e-6  # of their redundancy numbers that two rows leave of each other
@@ -105,12 +105,15 @@ class Places(NamedTuple):
         r = np.clip(np.einsum("cii->ci", matrix), 0.0, 1.0)
         return self._replace(e=e, r=r, matrix=matrix, vtpv=np.maximum(vtpv, 0.0))
 
-    @property
-    def reach(self) -> Array:
-        """(c,) the largest lever over root r of the rows that can be rejected by themselves."""
-        good = self.r >= WEAK
-        root = np.sqrt(np.where(good, self.r, 1.0))
-        return np.asarray(np.max(np.where(good, self.lever / root, 0.0), axis=1, initial=0.0))
+
+def reach_of(r: Array, lever: Array) -> Array:
+    """Return (c,) the largest lever over root r of the rows of c places, of (c, k) of them.
+
+    Of those that can be rejected by themselves.
+    """
+    good = r >= WEAK
+    root = np.sqrt(np.where(good, r, 1.0))
+    return np.asarray(np.max(np.where(good, lever / root, 0.0), axis=1, initial=0.0))
 
 
 class _NamesOf(Sequence[Hashable]):

@@ -124,6 +124,9 @@ def check_scale(
         The scale is above 5 (where its rows have a redundancy of 6 or more) or below 0.2 (10 or
         more); not where there is no noise at all.
     """
+    # what is not solved with all rows yet is so only to complain
+    if found is not None and _scale_left(found, apriori) <= LARGEST:
+        return
     r = np.asarray(system.r, dtype=float)
     redundancy: float = system.redundancy
     if apriori.rows is not None:
@@ -135,22 +138,24 @@ def check_scale(
     if apriori.rows is not None:
         good[apriori.rows :] = False
     w[good] = np.asarray(system.e, dtype=float)[good] / np.sqrt(r[good])
-    if found is None:
-        scale = robust_scale(w, r)
-        many = redundancy >= _LEAST_OF_SMALL
-        if scale is not None and many and _NO_NOISE < scale < SMALLEST:
-            raise scale_error(apriori, scale, scale)
-        return
-    kept = found.at_end.w.copy()
+    if found is not None:
+        scale = _scale_left(found, apriori)
+        raise scale_error(apriori, scale, float(np.nanmax(np.abs(w))) / critical_normal(alpha))
+    one = robust_scale(w, r)
+    if one is not None and redundancy >= _LEAST_OF_SMALL and _NO_NOISE < one < SMALLEST:
+        raise scale_error(apriori, one, one)
+
+
+def _scale_left(found: Findings, apriori: AprioriSigma) -> float:
+    """Return the scale of what a strategy leaves; 0 without rows."""
+    kept, r = found.at_end.w.copy(), found.at_end.r
     kept[list(found.rows)] = np.nan
-    gone = len(found.rows)
+    gone, good = len(found.rows), r > WEAK
     if apriori.rows is not None:
-        kept[apriori.rows :] = np.nan
+        kept[apriori.rows :], good[apriori.rows :] = np.nan, False
         gone = sum(row < apriori.rows for row in found.rows)
     share = gone / max(int(good.sum()), 1)
-    scale = robust_scale(kept, found.at_end.r, min(share, 0.9))
-    if scale is not None and scale > LARGEST:
-        raise scale_error(apriori, scale, float(np.nanmax(np.abs(w))) / critical_normal(alpha))
+    return robust_scale(kept, r, min(share, 0.9)) or 0.0
 
 
 def scale_error(apriori: AprioriSigma, scale: float, fits: float) -> ScaleError:

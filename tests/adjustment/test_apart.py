@@ -37,6 +37,11 @@ class Seen:
         spent = float(e[gone] @ np.linalg.inv(matrix[np.ix_(gone, gone)]) @ e[gone])
         return left, np.diag(matrix - column @ matrix[gone]).copy(), vtpv - spent
 
+    exact = True
+
+    def back(self, row: int) -> float:
+        return float(self.r[row])
+
     def places_of(self, rows: Index) -> Index:
         return np.asarray(rows)
 
@@ -106,7 +111,7 @@ def test_of_rows_that_go_for_each_others_sake_one_goes(count: int, draft: bool, 
     assert (rows.asked > 0) == (not draft)
 
 
-def test_on_the_way_from_a_robust_solution_the_end_is_looked_at_once() -> None:
+def test_on_the_way_from_a_robust_solution_it_is_adjusted_anew_once() -> None:
     matrix, e = alike(2)
     rows = Rows(matrix, e, begun=(4,))
     end = clean_apart(rows, np.ones(5, dtype=bool), 5, ALPHA, Watch(), draft=True)

@@ -13,14 +13,18 @@ from anaplot.adjustment.elimination import Elimination
 from anaplot.adjustment.findings import SearchSettings
 from anaplot.adjustment.significance import critical_normal
 from anaplot.adjustment.stepwise import rule_of, step_by_step
+from anaplot.adjustment.tested import error_odds
 from anaplot.adjustment.watch import Watch
 from anaplot.bundle.adjust import adjust_bundle
-from anaplot.bundle.errors import blockrows
+from anaplot.bundle.errors import basis, blockrows
 from anaplot.bundle.errors.grosserrors import block_gross_errors
+from anaplot.bundle.errors.laterresiduals import LaterResiduals
+from anaplot.bundle.errors.leftout import without
 from anaplot.bundle.errors.parted import BlockParts
 from anaplot.bundle.solve.additional import additional_parameters
-from anaplot.bundle.solve.gaussnewton import NoConvergenceError, find_minimum
+from anaplot.bundle.solve.gaussnewton import NoConvergenceError, equations_at, find_minimum
 from anaplot.bundle.solve.problem import make_problem
+from anaplot.bundle.solve.reliability import compute_cofactors
 from anaplot.bundle.solve.residuals import block_residuals
 from anaplot.bundle.solve.structure import make_structure
 from anaplot.errors import NotComputableError
@@ -124,6 +128,115 @@ def test_without_rows_is_what_an_elimination_of_all_columns_has(kind: str) -> No
         assert place.system.matrix == pytest.approx(columns, abs=1e-8)
         assert place.system.e == pytest.approx(there.e[place.rows], abs=1e-7)
         assert place.system.vtpv == pytest.approx(there.vtpv, rel=1e-8)
+
+
+@pytest.mark.parametrize("kind", ["aerial", "tilted", "stated", "calibrated", "free"])
+@pytest.mark.parametrize("kept", [0, 300_000_000])
+def test_a_draft_is_seen_from_what_is_adjusted_already(monkeypatch, kind: str, kept: int) -> None:
+    monkeypatch.setattr(basis, "_KEPT", kept)
+    options = {}
+    if kind == "calibrated":
+        options["additional"] = additional_parameters("ebner")
+    if kind == "free":
+        options["datum"] = "free"
+    system, block, structure = system_of(scenes().get(kind, scenes()["aerial"]), **options)
+    rng = np.random.default_rng(7)
+    out: list[int] = []
+    state = Elimination(system)
+    for row in rng.permutation(np.flatnonzero(system.r > 0.1)).tolist():
+        if len(out) < 16 and state.testable(row) and state.r[row] > 0.1:
+            state.add(row)
+            out.append(row)
+    reduced = without(system.rows, frozenset(out[:9]))
+    parts = BlockParts(
+        LaterResiduals(system.problem, block.state, structure),
+        block.state,
+        structure,
+        reduced,
+        lambda: compute_cofactors(*equations_at(reduced, structure, block.state)[:2]),
+    )
+    assert parts.begun == tuple(sorted(out[:9]))
+    # some come back and others go, then all come back; other places have been laid out before
+    first = parts.drafted(sorted(out[:9]))
+    assert first.exact
+    for rows in (out[4:], out[:4], []):
+        rows = sorted(rows)
+        there = Elimination(system)
+        for row in rows:
+            there.add(row)
+        error, _ = there.estimates()
+        draft = parts.drafted(rows)
+        exact = BlockParts(system, block.state, structure).adjusted(rows)
+        assert not draft.exact
+        kept_rows = np.setdiff1d(np.arange(len(system.e)), rows)
+        assert draft.vtpv == pytest.approx(there.vtpv, rel=1e-8)
+        assert draft.e[kept_rows] == pytest.approx(there.e[kept_rows], abs=1e-8)
+        order = np.argsort(there.rows)
+        assert draft.e[rows] == pytest.approx(np.array(error)[order], rel=1e-7, abs=1e-8)
+        assert np.abs(draft.r - exact.r).max() < 0.3
+        # of what comes back the redundancy number has what places do to each other, if asked for
+        for row in set(out[:9]).difference(rows):
+            assert draft.back(row) == pytest.approx(there.r[row], abs=1e-9)
+        assert draft.back(int(np.setdiff1d(kept_rows, out)[0])) is None
+        if not rows:
+            # coming back only makes other redundancy numbers larger
+            assert np.all(draft.r <= exact.r + 1e-9)
+        numbers = np.unique(draft.places_of(np.array(out)))
+        places = {tuple(place.rows.tolist()): place for place in each_of(exact, numbers)}
+        for place in each_of(draft, numbers):
+            same = places[tuple(place.rows.tolist())].system
+            assert place.system.e == pytest.approx(same.e, abs=0.3 * np.abs(same.e).max())
+            assert np.abs(place.system.matrix - same.matrix).max() < 0.3
+    again = parts.adjusted(sorted(out))
+    assert again.exact
+    assert parts.drafted(sorted(out)).exact
+    assert again.e[np.array(sorted(out))] == pytest.approx(
+        np.array(state.estimates()[0])[np.argsort(state.rows)], rel=1e-7, abs=1e-8
+    )
+
+
+def test_all_rows_are_solved_when_they_are_asked_for() -> None:
+    system, block, structure = system_of(scenes()["stated"])
+    later = LaterResiduals(system.problem, block.state, structure)
+    assert "whole" not in vars(later)
+    assert list(later.names) == list(system.names)
+    assert list(later.units) == list(system.units)
+    assert later.redundancy == system.redundancy
+    np.testing.assert_array_equal(later.sigma, system.sigma)
+    assert "whole" not in vars(later)
+    rows = np.array([0, 7, len(system.e) - 1])
+    np.testing.assert_array_equal(later.e, system.e)
+    np.testing.assert_array_equal(later.r, system.r)
+    np.testing.assert_array_equal(later.columns(rows), system.columns(rows))
+    assert later.vtpv == system.vtpv
+    assert (later.design() != system.design()).nnz == 0
+    ones = np.ones(len(system.e))
+    assert later.reweighting()(ones) == pytest.approx(system.e, abs=1e-8)
+
+
+@pytest.mark.parametrize(("count", "sure"), [(1, False), (6, False), (6, True)])
+def test_odds_with_all_rows_are_exact_where_anything_is_open(
+    monkeypatch, count: int, sure: bool
+) -> None:
+    scene = scenes()["tilted"]
+    rows = list(spoiled(scene, 3, count, 5.0, 6.0).block.image_points)
+    if sure:
+        rows[11] = replace(rows[11], x=rows[11].x + 0.5)
+    problem = make_problem(scene.with_rows(rows).block)
+    block = adjust_bundle(problem, scene.start(problem))
+    monkeypatch.setattr(blockrows, "MOST_ROWS_AS_ONE", 0)
+    asked: list[int] = []
+    real = BlockParts.adjusted
+    monkeypatch.setattr(
+        BlockParts, "adjusted", lambda self, out: asked.append(len(out)) or real(self, out)
+    )
+    found = block_gross_errors(block, "baarda", SearchSettings(alpha=0.001))
+    assert (0 in asked) is not sure
+    there = found.system.whole
+    odds = error_odds(400.0 * there.r, np.abs(there.e) / np.sqrt(there.r), 100, "baarda")
+    assert found.findings.odds.rows == pytest.approx(odds.rows, abs=1e-9)
+    assert found.findings.odds.none == pytest.approx(odds.none, abs=1e-9)
+    assert not sure or max(odds.rows) == pytest.approx(1.0, abs=1e-12)
 
 
 @pytest.mark.parametrize("kind", ["aerial", "tilted", "stated"])

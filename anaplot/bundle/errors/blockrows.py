@@ -12,6 +12,7 @@ from anaplot.adjustment.cleaning import SolvedWithout
 from anaplot.adjustment.scale import AprioriSigma
 from anaplot.adjustment.watch import Watch
 from anaplot.aliases import Array, Bools
+from anaplot.bundle.errors.laterresiduals import AllRows, LaterResiduals
 from anaplot.bundle.errors.leftout import without
 from anaplot.bundle.errors.parted import BlockParts, can_be_parted
 from anaplot.bundle.errors.snooping import model_values
@@ -32,7 +33,7 @@ from anaplot.bundle.solve.observations import ObservationName, Observations
 from anaplot.bundle.solve.openmovement import undetermined
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.reliability import Cofactors, compute_cofactors
-from anaplot.bundle.solve.residuals import BlockResiduals, block_residuals, residuals_at
+from anaplot.bundle.solve.residuals import block_residuals, residuals_at
 from anaplot.bundle.solve.structure import Structure
 from anaplot.errors import NotComputableError
 
@@ -123,12 +124,15 @@ class BlockRows:
         rows = 2 * len(problem.photo)
         self.apriori = AprioriSigma.image_um(f"block {block.name}", block.precision.image_um, rows)
 
-    def residuals(self, at: BlockPlace, number: int) -> BlockResiduals:
+    def residuals(self, at: BlockPlace, number: int) -> AllRows:
         """Return all rows, linearised at a place."""
         label = f"gross errors, pass {number}"
         first, self._first = self._first, None
         if first is not None and at.state is first.state and first.cofactors.change is None:
             return self._told(residuals_at(first.cofactors))
+        if at.reduced is not None and self._apart:
+            self._watch(label, 0.0)
+            return self._told(LaterResiduals(self.problem, at.state, self.structure))
         try:
             system = block_residuals(
                 self.problem,
@@ -140,7 +144,7 @@ class BlockRows:
             raise self._open(self.problem, at.state, error) from error
         return self._told(system)
 
-    def _told(self, system: BlockResiduals) -> BlockResiduals:
+    def _told(self, system: AllRows) -> AllRows:
         self._rows = system.rows
         return system
 
@@ -162,7 +166,7 @@ class BlockRows:
         found = self._minimum(self.problem_without(out), near.state)
         return SolvedWithout(BlockPlace.of(found), found.convergence.last)
 
-    def suspects(self, system: BlockResiduals) -> Bools:
+    def suspects(self, system: AllRows) -> Bools:
         """Return which rows may be rejected: priors of additional parameters never.
 
         Nor, like control free of error, conditions free of error.
@@ -177,13 +181,20 @@ class BlockRows:
             allowed[: system.rows.image] &= ~self.problem.off.ravel()
         return allowed
 
-    def model_values(self, system: BlockResiduals, at: BlockPlace) -> Array:
+    def model_values(self, system: AllRows, at: BlockPlace) -> Array:
         """Return model values by the classes of 1980."""
-        return model_values(system)
+        return model_values(system.whole)
 
-    def apart(self, system: BlockResiduals, at: BlockPlace) -> WithoutRows | None:
+    @property
+    def _apart(self) -> bool:
+        """Whether it is too large to be cleaned as one, and falls into places."""
+        problem = self.problem
+        off = 0 if problem.rejected is None else int(problem.rejected.sum())
+        return problem.observations + off > MOST_ROWS_AS_ONE and can_be_parted(problem)
+
+    def apart(self, system: AllRows, at: BlockPlace) -> WithoutRows | None:
         """Return how it is seen without some rows, of a block too large to be cleaned as one."""
-        if len(system.e) <= MOST_ROWS_AS_ONE or not can_be_parted(self.problem):
+        if not self._apart:
             return None
         return BlockParts(system, at.state, self.structure, at.reduced, lambda: at.cofactors)
 

@@ -32,6 +32,7 @@ from anaplot.adjustment.watch import Watch
 from anaplot.aliases import Array
 from anaplot.bundle.adjust import evaluate, points_settled
 from anaplot.bundle.errors.blockrows import BlockPlace, BlockRows
+from anaplot.bundle.errors.laterresiduals import AllRows
 from anaplot.bundle.errors.leftout import missing
 from anaplot.bundle.errors.misfits import (
     PartialAdjustment,
@@ -53,7 +54,6 @@ from anaplot.bundle.solve.linearised import counted_misclosures
 from anaplot.bundle.solve.observations import ObservationName
 from anaplot.bundle.solve.problem import Problem, make_problem
 from anaplot.bundle.solve.remade import among_points, without_points
-from anaplot.bundle.solve.residuals import BlockResiduals
 from anaplot.bundle.solve.selection import FAR_APART
 from anaplot.bundle.solve.structure import make_structure
 from anaplot.bundle.start.robust import robust_state
@@ -78,7 +78,7 @@ _TORN = 4.0  # sigma0 from which a robust state is a second place to linearise a
 
 
 @dataclass(frozen=True, eq=False)
-class BlockFindings(Cleaned[BlockPlace, ObservationName, BlockResiduals]):
+class BlockFindings(Cleaned[BlockPlace, ObservationName, AllRows]):
     """A block without its gross errors, and how they were found.
 
     Attributes
@@ -366,14 +366,14 @@ def _second_place(problem: Problem, first: AdjustedBlock) -> _Second | None:
 
 
 def _best_end(
-    cleaning: Cleaning[BlockPlace, ObservationName, BlockResiduals],
+    cleaning: Cleaning[BlockPlace, ObservationName, AllRows],
     subject: BlockRows,
     first: AdjustedBlock,
     second: _Second | None,
     held: _Names,
     *,
     complete: bool,
-) -> tuple[CleaningEnd[BlockPlace, ObservationName, BlockResiduals], _Names]:
+) -> tuple[CleaningEnd[BlockPlace, ObservationName, AllRows], _Names]:
     """Search from the first adjustment, and from a robust one where there is a second place.
 
     Where no set that is found can be left out, what fits nowhere stays out for good. `held` is

@@ -1,4 +1,4 @@
-"""R between some rows of a block, as a product with vectors: no column is ever held."""
+"""G = J N^-1 J' between some rows of a block, as a product with vectors: no column is ever held."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from anaplot.aliases import Array, Index
-from anaplot.bundle.solve.residuals import BlockResiduals, designed
+from anaplot.bundle.errors.laterresiduals import AllRows
+from anaplot.bundle.solve.linearised import effect
+from anaplot.bundle.solve.reliability import Cofactors
 
 __all__ = ["RowCoupling"]
 
@@ -15,25 +17,28 @@ _SOLVED = 1e-13  # of the length of the right-hand side
 
 
 class RowCoupling:
-    """R_SS of rows S of a block without conditions, offsets and given priors.
+    """G_DD of rows D of a block without conditions, offsets and given priors.
 
-    A product takes the rays of the points of S alone, and one solution of the photos.
+    A product takes the rays of the points of D alone, and one solution of the photos.
 
     Parameters
     ----------
-    system
+    block
         All rows.
+    cofactors
+        With the equations of N, linearised where the rows are, whichever of these are in them.
     rows
-        (k,) S, ascending; no rows of additional parameters.
+        (k,) D, ascending; no rows of additional parameters.
     """
 
-    def __init__(self, system: BlockResiduals, rows: Index) -> None:
-        self._system, self._rows = system, rows
-        problem, linear = system.problem, system.cofactors.normal.linear
-        first, second, _, _ = system.rows.starts
+    def __init__(self, block: AllRows, cofactors: Cofactors, rows: Index) -> None:
+        self._block = block
+        self._normal, self._factor = cofactors.normal, cofactors.factor
+        problem, linear = block.problem, block.linear
+        first, second, _, _ = block.rows.starts
         image = rows[rows < first]
-        ground = system.rows.ground[rows[(rows >= first) & (rows < second)] - first]
-        priors = system.rows.priors[rows[rows >= second] - second]
+        ground = block.rows.ground[rows[(rows >= first) & (rows < second)] - first]
+        priors = block.rows.priors[rows[rows >= second] - second]
         ray, axis = np.divmod(image, 2)
         self._photo = np.concatenate((problem.photo[ray], priors[:, 0]))
         self._of_photo = np.concatenate((linear.a[ray, axis], linear.photo_rows[tuple(priors.T)]))
@@ -50,19 +55,19 @@ class RowCoupling:
         at[self._points] = np.arange(len(self._points))
         self._rays = np.flatnonzero(at[problem.point] >= 0)
         self._ray_point = at[problem.point[self._rays]]
-        # rows of S in the order image, ground, priors: which of them have photos, and points
+        # rows of D in the order image, ground, priors: which of them have photos, and points
         self._with_photo = np.concatenate(
             (np.arange(len(image)), len(image) + len(ground) + np.arange(len(priors)))
         )
         self._with_point = np.arange(len(image) + len(ground))
         self._shared = np.zeros((len(image), 0))
-        if len(system.cofactors.normal.corner):
-            columns = system.cofactors.normal.border_columns(problem.additional_group[ray])
+        if len(self._normal.corner):
+            columns = self._normal.border_columns(problem.additional_group[ray])
             self._columns, self._shared = columns, linear.h[ray, axis]
 
     def times(self, v: Array) -> Array:
-        """Return R_SS v."""
-        normal, problem = self._system.cofactors.normal, self._system.problem
+        """Return G_DD v."""
+        normal, problem = self._normal, self._block.problem
         photos, points, shared = self._sides(v)
         root, z = normal.inverse_root[self._points], normal.z[self._rays]
         y = np.einsum("pij,pj->pi", root, points)
@@ -71,61 +76,71 @@ class RowCoupling:
         )
         if len(shared):
             shared -= np.einsum("pig,pi->g", normal.t[self._points], y)
-        x, s = self._system.cofactors.factor.solve(photos[:, :, None], shared[:, None])
+        x, s = self._factor.solve(photos[:, :, None], shared[:, None])
         x, s = x[:, :, 0], s[:, 0]
         np.subtract.at(y, self._ray_point, np.einsum("mij,mi->mj", z, x[problem.photo[self._rays]]))
         if len(shared):
             y -= normal.t[self._points] @ s
         moved = np.einsum("pji,pj->pi", root, y)
-        out = v.copy()
-        out[self._with_photo] -= np.einsum("kd,kd->k", self._of_photo, x[self._photo])
-        out[self._with_point] -= np.einsum("kd,kd->k", self._of_point, moved[self._point])
+        out = np.zeros(len(v))
+        out[self._with_photo] += np.einsum("kd,kd->k", self._of_photo, x[self._photo])
+        out[self._with_point] += np.einsum("kd,kd->k", self._of_point, moved[self._point])
         if len(shared):
-            out[: len(self._shared)] -= np.einsum("kq,kq->k", self._shared, s[self._columns])
+            out[: len(self._shared)] += np.einsum("kq,kq->k", self._shared, s[self._columns])
         return out
 
     def beside(self, v: Array) -> Array:
-        """Return (n,) -R v of the rows that are not in S."""
-        normal = self._system.cofactors.normal
+        """Return (n,) -G v of all rows."""
+        block = self._block
         photos, mine, shared = self._sides(v)
-        points = np.zeros((len(self._system.problem.points), 3))
+        points = np.zeros((len(block.problem.points), 3))
         points[self._points] = mine
-        factor = self._system.cofactors.factor
-        found = normal.solve(factor, photos[:, :, None], points[:, :, None], shared[:, None])
-        return designed(self._system, *found)[:, 0]
+        moved = self._normal.solution(self._factor, (photos, points, shared))
+        return -block.rows.gathered(effect(block.problem, block.linear, moved))
 
-    def solved(self, right: Array, nearly: csr_array) -> Array:
-        """Return (k,) R_SS^-1 right.
+    def solved(self, sign: Array, right: Array, nearly: csr_array) -> Array:
+        """Return (k,) (S + G_DD)^-1 right by GMRES (Saad and Schultz 1986).
+
+        Places hardly touch: with what they are by themselves taken first it takes a few steps.
 
         Parameters
         ----------
+        sign
+            (k,) the diagonal of S: 1 or -1.
         right
             (k,).
         nearly
-            (k, k) inverses of parts of R_SS that hardly touch.
+            (k, k) inverses of parts of S + G_DD that hardly touch.
         """
-        z, left = np.zeros(len(right)), right.copy()
-        step = nearly @ left
-        along, size = step, float(left @ step)
-        enough = _SOLVED * float(np.linalg.norm(right))
-        for _ in range(_STEPS):
-            if float(np.linalg.norm(left)) <= enough:
+        size = float(np.linalg.norm(right))
+        if size == 0.0:
+            return np.zeros(len(right))
+        along, products = [right / size], np.zeros((_STEPS + 1, _STEPS))
+        for step in range(_STEPS):
+            of = nearly @ along[step]
+            new = sign * of + self.times(of)
+            for _ in range(2):  # twice is enough for rounding
+                for k, one in enumerate(along):
+                    share = float(one @ new)
+                    products[k, step] += share
+                    new -= share * one
+            length = products[step + 1, step] = float(np.linalg.norm(new))
+            system = products[: step + 2, : step + 1]
+            goal = np.zeros(step + 2)
+            goal[0] = size
+            found = np.linalg.lstsq(system, goal)[0]
+            if np.linalg.norm(system @ found - goal) <= _SOLVED * size or length == 0.0:
                 break
-            product = self.times(along)
-            length = size / float(along @ product)
-            z += length * along
-            left -= length * product
-            step = nearly @ left
-            before, size = size, float(left @ step)
-            along = step + size / before * along
+            along.append(new / length)
+        z: Array = nearly @ (np.array(along[: len(found)]).T @ found)
         return z
 
     def _sides(self, v: Array) -> tuple[Array, Array, Array]:
-        """A_S' v of photos (n, d), of the points of S (p, 3) and of shared parameters (g,)."""
-        system = self._system
-        photos = np.zeros((len(system.problem.photos), system.problem.per_photo))
+        """A_D' v of photos (n, d), of the points of D (p, 3) and of shared parameters (g,)."""
+        problem = self._block.problem
+        photos = np.zeros((len(problem.photos), problem.per_photo))
         points = np.zeros((len(self._points), 3))
-        shared = np.zeros(len(system.cofactors.normal.corner))
+        shared = np.zeros(len(self._normal.corner))
         np.add.at(photos, self._photo, self._of_photo * v[self._with_photo, None])
         np.add.at(points, self._point, self._of_point * v[self._with_point, None])
         if len(shared):

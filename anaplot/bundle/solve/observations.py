@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anaplot.aliases import Array, Index
+from anaplot.bundle.solve.linearised import Linearised
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.reliability import Cofactors
 
@@ -24,6 +25,7 @@ __all__ = [
     "ObservationName",
     "Observations",
     "Unit",
+    "observations_at",
     "observations_of",
 ]
 
@@ -266,10 +268,26 @@ class Observations:
             )
         )
 
+    def gathered(self, misclosures: Linearised, conditions: Array | None = None) -> Array:
+        """Return (n,) misclosures of the rows, those of the conditions apart; None: zeros."""
+        own = self.problem.photo_invariant
+        return self.gather(
+            misclosures.e,
+            misclosures.point_e,
+            misclosures.photo_e,
+            misclosures.own_e if own else misclosures.shared_e,
+            np.zeros(self.conditions) if conditions is None else conditions,
+            None if misclosures.offsets is None else misclosures.offsets.e,
+        )
+
 
 def observations_of(cofactors: Cofactors) -> Observations:
     """Return the observations whose cofactors are known."""
-    problem, linear = cofactors.normal.problem, cofactors.normal.linear
+    return observations_at(cofactors.normal.problem, cofactors.normal.linear)
+
+
+def observations_at(problem: Problem, linear: Linearised) -> Observations:
+    """Return the observations of a bundle that is linearised somewhere."""
     weighted = np.flatnonzero(np.isfinite(problem.additional_sigma))
     if problem.offsets is not None:
         after = problem.additional_given.size + np.flatnonzero(problem.offsets.weighted)
@@ -277,7 +295,7 @@ def observations_of(cofactors: Cofactors) -> Observations:
     return Observations(
         problem,
         np.argwhere(linear.point_weight > 0.0),
-        np.argwhere(np.isfinite(cofactors.r_photo)),
+        np.argwhere(np.any(linear.photo_rows != 0.0, axis=2)),
         weighted,
         np.zeros(0) if linear.conditions is None else linear.conditions.sigma,
     )

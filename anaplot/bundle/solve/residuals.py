@@ -69,6 +69,16 @@ class BlockResiduals:
         return self.cofactors.normal.problem
 
     @property
+    def linear(self) -> Linearised:
+        """Derivatives and misclosures of all rows."""
+        return self.cofactors.normal.linear
+
+    @property
+    def whole(self) -> BlockResiduals:
+        """Itself; see `LaterResiduals`."""
+        return self
+
+    @property
     def names(self) -> Sequence[ObservationName]:
         """Identities of the n rows."""
         return self.rows.names
@@ -222,25 +232,13 @@ class BlockResiduals:
         linear = normal.linear
         photos, points, shared = normal.step(factor)
         moved = designed(there, photos[:, :, None], points[:, :, None], shared[:, None])
-        left = -(self.gathered(linear, normal.conditions_left(factor)) + moved[:, 0])
+        left = -(self.rows.gathered(linear, normal.conditions_left(factor)) + moved[:, 0])
         vtpv = float(left @ left)
         if linear.given is not None:
             of_given = linear.given.effect(photos, points).misclosure + linear.given.misclosure
             of_prior = linear.given.prior.root @ of_given
             vtpv += float(of_prior @ of_prior)
         return replace(there, e=left, vtpv=vtpv)
-
-    def gathered(self, misclosures: Linearised, conditions: Array | None = None) -> Array:
-        """Return (n,) misclosures of the rows, those of the conditions apart; None: zeros."""
-        own = self.problem.photo_invariant
-        return self.rows.gather(
-            misclosures.e,
-            misclosures.point_e,
-            misclosures.photo_e,
-            misclosures.own_e if own else misclosures.shared_e,
-            np.zeros(self.rows.conditions) if conditions is None else conditions,
-            None if misclosures.offsets is None else misclosures.offsets.e,
-        )
 
     @property
     def _condition_rejected(self) -> NDArray[Any]:
@@ -383,6 +381,7 @@ def block_residuals(
     state: BlockState,
     structure: Structure,
     progress: Callable[[float], None] | None = None,
+    linear: Linearised | None = None,
 ) -> BlockResiduals:
     """See a block from the side of its residuals, linearised anywhere.
 
@@ -396,6 +395,8 @@ def block_residuals(
         Of the normal equations.
     progress
         Called with the fraction done.
+    linear
+        Its derivatives and misclosures there, where they are known.
 
     Raises
     ------
@@ -407,7 +408,8 @@ def block_residuals(
     if problem.newly_rejected.any():
         raise ValueError("a residual system holds all rows: none may be rejected")
     weights = anchor(problem, state).weights if problem.defect else None
-    linear = linearise(problem, state)
+    if linear is None:
+        linear = linearise(problem, state)
     normal = NormalEquations(problem, structure, linear, 0.0, weights)
     return residuals_at(compute_cofactors(normal, normal.factor(), progress=progress))
 

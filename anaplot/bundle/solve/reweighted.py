@@ -48,10 +48,6 @@ class WeighedBlock(ResidualSystem, Protocol):
         """Return the rows with other equations and what one adjustment by these leaves of them."""
         ...
 
-    def gathered(self, misclosures: Linearised) -> Array:
-        """Return (n,) misclosures of the rows; of conditions zeros."""
-        ...
-
 
 class ReweightedBlock:
     """A linearised block that is adjusted with one set of weights after another.
@@ -161,7 +157,7 @@ class _Formed:
         """(n,) misclosures, observed minus computed, in sigmas of the full weights."""
         weighted = self._weighted
         left = _parted(weighted.cofactors.normal.linear, -self._left)
-        return _unscaled(weighted.gathered(left), self._weights)
+        return _unscaled(weighted.rows.gathered(left), self._weights)
 
 
 def _joined(linear: Linearised) -> Array:

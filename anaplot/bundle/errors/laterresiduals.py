@@ -1,0 +1,99 @@
+"""All rows of a block, linearised: what an adjustment with all of them leaves is found when asked.
+
+Where rows are cleaned apart from an adjustment without most of the wrong ones, nobody asks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+
+from scipy.sparse import csr_array
+
+from anaplot.adjustment.residualsystem import WeightedAdjustments
+from anaplot.aliases import Array, Index
+from anaplot.bundle.solve.imaging import BlockState
+from anaplot.bundle.solve.linearised import linearise
+from anaplot.bundle.solve.observations import ObservationName, observations_at
+from anaplot.bundle.solve.problem import Problem
+from anaplot.bundle.solve.residuals import BlockResiduals, block_residuals
+from anaplot.bundle.solve.structure import Structure
+
+__all__ = ["AllRows", "LaterResiduals"]
+
+
+class LaterResiduals:
+    """A block as a residual system, see `ResidualSystem`, that is solved when it is asked for.
+
+    Parameters
+    ----------
+    problem, state, structure
+        As `block_residuals` has them.
+    """
+
+    def __init__(self, problem: Problem, state: BlockState, structure: Structure) -> None:
+        self.problem, self._state, self._structure = problem, state, structure
+        self.linear = linearise(problem, state)
+        self.rows = observations_at(problem, self.linear)
+
+    @cached_property
+    def whole(self) -> BlockResiduals:
+        """The same with all that an adjustment with all rows leaves.
+
+        Raises
+        ------
+        PointError, NotPositiveError
+            Not all unknowns are determined there.
+        """
+        return block_residuals(self.problem, self._state, self._structure, linear=self.linear)
+
+    @property
+    def names(self) -> Sequence[ObservationName]:
+        """Identities of the n rows."""
+        return self.rows.names
+
+    @property
+    def units(self) -> Sequence[str]:
+        """Units of the n rows."""
+        return self.rows.units
+
+    @property
+    def sigma(self) -> Array:
+        """(n,) a-priori standard deviations in the units."""
+        return self.rows.sigma
+
+    @property
+    def redundancy(self) -> int:
+        """Observations minus unknowns."""
+        return self.problem.redundancy
+
+    @property
+    def e(self) -> Array:
+        """(n,) misclosures left."""
+        return self.whole.e
+
+    @property
+    def r(self) -> Array:
+        """(n,) redundancy numbers."""
+        return self.whole.r
+
+    @property
+    def vtpv(self) -> float:
+        """Sum of the squares of e."""
+        return self.whole.vtpv
+
+    def columns(self, rows: Index) -> Array:
+        """Return (n, k): the columns of R that belong to k rows."""
+        return self.whole.columns(rows)
+
+    def design(self) -> csr_array | None:
+        """Return (n, u) derivatives, each row divided by its sigma; see `BlockResiduals`."""
+        return self.whole.design()
+
+    def reweighting(self) -> WeightedAdjustments:
+        """Return the adjustments with other weights; see `Reweightable`."""
+        return self.whole.reweighting()
+
+
+AllRows = BlockResiduals | LaterResiduals
+"""All rows of a block, linearised somewhere; nothing is rejected in them but what is off."""
