@@ -6,11 +6,12 @@ negative for a point in front of the photo (conventions: a ray is (x, y, -c)).
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 
-from anaplot.aliases import Array
+from anaplot.aliases import Array, Index
 
 __all__ = ["Projection", "Projections", "project", "project_with_derivatives", "turns"]
 
@@ -54,7 +55,13 @@ class Projections(NamedTuple):
     point: Array
 
 
-def project(centres: Array, rotations: Array, c: Array, points: Array) -> Projection:
+def project(
+    centres: Array,
+    rotations: Array,
+    c: Array,
+    points: Array,
+    rays: tuple[Index, Index] | None = None,
+) -> Projection:
     """Project points, one into each photo.
 
     Parameters
@@ -67,26 +74,37 @@ def project(centres: Array, rotations: Array, c: Array, points: Array) -> Projec
         (n,) camera constants [mm].
     points
         (n, 3) ground points [m].
+    rays
+        (m,) photos and (m,) points of rays, numbers in these arrays, which have a photo and a
+        point for many rays then; None: every photo has its own point.
 
     Returns
     -------
     Projection
         A point in the plane of the projection centre gives infinite or NaN coordinates.
     """
-    u = np.einsum("nji,nj->ni", rotations, points - centres)
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        xy = (-c / u[:, 2])[:, None] * u[:, :2]
-    return Projection(xy, -u[:, 2])
+    n = len(points) if rays is None else len(rays[0])
+    xy, depth = np.empty((n, 2)), np.empty(n)
+    for k, away, axes, scale in _portions(centres, rotations, c, points, rays):
+        u = np.einsum("ik,ijk->jk", away, axes)
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            xy[k] = (-scale / u[2] * u[:2]).T
+        depth[k] = -u[2]
+    return Projection(xy, depth)
 
 
 def project_with_derivatives(
-    centres: Array, rotations: Array, c: Array, points: Array
+    centres: Array,
+    rotations: Array,
+    c: Array,
+    points: Array,
+    rays: tuple[Index, Index] | None = None,
 ) -> Projections:
     """Project points, one into each photo, and differentiate.
 
     Parameters
     ----------
-    centres, rotations, c, points
+    centres, rotations, c, points, rays
         As in `project`.
 
     Notes
@@ -94,16 +112,13 @@ def project_with_derivatives(
     The rotation's derivatives refer to R -> (I + [d x]) R, d about the ground axes; with
     D = X - X0 and J = d(x, y)/dX they are J x D.
     """
-    n = len(points)
+    n = len(points) if rays is None else len(rays[0])
     xy, depth = np.empty((n, 2)), np.empty(n)
     photo, j = np.empty((n, 2, 6)), np.empty((n, 2, 3))
-    for first in range(0, n, _AT_ONCE):
-        k = slice(first, first + _AT_ONCE)
-        away = np.ascontiguousarray((points[k] - centres[k]).T)
-        axes = np.ascontiguousarray(rotations[k].transpose(1, 2, 0))
+    for k, away, axes, scale in _portions(centres, rotations, c, points, rays):
         u = np.einsum("ik,ijk->jk", away, axes)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            factor = -c[k] / u[2]
+            factor = -scale / u[2]
             at = factor * u[:2]
             slope = -at / u[2]
         xy[k], depth[k] = at.T, -u[2]
@@ -116,6 +131,24 @@ def project_with_derivatives(
             photo[k, row, 4] = jr[2] * away[0] - jr[0] * away[2]
             photo[k, row, 5] = jr[0] * away[1] - jr[1] * away[0]
     return Projections(xy, depth, photo, j)
+
+
+def _portions(
+    centres: Array, rotations: Array, c: Array, points: Array, rays: tuple[Index, Index] | None
+) -> Iterator[tuple[slice, Array, Array, Array]]:
+    """Yield rays in portions: which, X - X0 (3, k), axes of their photos (3, 3, k), and c (k,).
+
+    What a photo has is repeated for its rays here alone, a portion at a time.
+    """
+    n = len(points) if rays is None else len(rays[0])
+    turned = rotations.transpose(1, 2, 0)
+    if rays is not None:
+        turned = np.ascontiguousarray(turned)
+    for first in range(0, n, _AT_ONCE):
+        k = slice(first, first + _AT_ONCE)
+        photo, point = (k, k) if rays is None else (rays[0][k], rays[1][k])
+        away = np.ascontiguousarray((points[point] - centres[photo]).T)
+        yield k, away, np.ascontiguousarray(turned[:, :, photo]), c[photo]
 
 
 def turns(vectors: Array) -> Array:

@@ -32,6 +32,17 @@ def test_a_point_on_a_ray_projects_onto_its_image(seed: int) -> None:
     np.testing.assert_allclose(found.depth, scale * c, rtol=1e-10)
 
 
+def test_rays_have_the_photo_and_the_point_of_their_numbers() -> None:
+    centres, rotations, c, points, _, _ = scene(3)
+    rng = np.random.default_rng(4)
+    photo, point = rng.integers(len(c), size=20_000), rng.integers(len(points), size=20_000)
+    each = (centres[photo], rotations[photo], c[photo], points[point])
+    for found in (project, project_with_derivatives):
+        got = found(centres, rotations, c, points, (photo, point))
+        for part, wanted in zip(got, found(*each), strict=True):
+            np.testing.assert_array_equal(part, wanted)
+
+
 @given(st.integers(0, 10_000))
 @settings(max_examples=30)
 def test_derivatives_equal_numerical_ones(seed: int) -> None:

@@ -128,13 +128,11 @@ def _shifted(problem: Problem, state: BlockState, xy: Array, rays: Index | slice
 
 def imaged(problem: Problem, state: BlockState) -> Projection:
     """Return where every ray's point is seen [mm], and how far in front of the photo [m]."""
-    photo = problem.photo
-    where = state.centres[photo], state.rotations[photo]
-    points = state.points[problem.point]
+    rays, where = (problem.photo, problem.point), (state.centres, state.rotations)
     if not _through_lens(problem):
-        seen = project(*where, problem.c[photo], points)
+        seen = project(*where, problem.c, state.points, rays)
         return Projection(_shifted(problem, state, seen.xy, slice(None)), seen.depth)
-    seen = project(*where, np.ones(len(photo)), points)
+    seen = project(*where, np.ones(len(problem.photos)), state.points, rays)
     with np.errstate(invalid="ignore", over="ignore"):
         xy = lens_places(seen.xy, _lens(problem, state, slice(None)))
     if problem.lens_units is None:
@@ -208,14 +206,14 @@ def imaged_with_derivatives(
     rays
         Which rays; all when left out.
     """
-    photo, units = problem.photo[rays], problem.lens_units
-    where = state.centres[photo], state.rotations[photo]
-    points = state.points[problem.point[rays]]
+    units, mine = problem.lens_units, (problem.photo[rays], problem.point[rays])
+    where = state.centres, state.rotations
     if not _through_lens(problem):
-        seen = project_with_derivatives(*where, problem.c[photo], points)
+        seen = project_with_derivatives(*where, problem.c, state.points, mine)
         xy = _shifted(problem, state, seen.xy, rays)
         return Imaged(xy, seen.depth, seen.photo, seen.point, problem.basis[rays])
-    seen = project_with_derivatives(*where, np.ones(len(photo)), points)
+    ones = np.ones(len(problem.photos))
+    seen = project_with_derivatives(*where, ones, state.points, mine)
     with np.errstate(invalid="ignore", over="ignore"):
         lens = through_lens(seen.xy, _lens(problem, state, rays))
         photos = np.matmul(lens.by_direction, seen.photo)

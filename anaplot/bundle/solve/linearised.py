@@ -161,7 +161,8 @@ def _prior_misclosures(problem: Problem, state: BlockState) -> tuple[Array, Arra
 def image_misclosures(problem: Problem, state: BlockState) -> tuple[Array, Array]:
     """Return (m, 2) computed minus observed in sigmas, also of rejected ones; (m,) depths [m]."""
     seen = imaged(problem, state)
-    e = (seen.xy - problem.xy) / problem.sigma_xy
+    e = np.subtract(seen.xy, problem.xy, out=seen.xy)
+    e /= problem.sigma_xy
     return e, seen.depth
 
 
@@ -230,7 +231,8 @@ def _point_rows(problem: Problem, seen: Imaged, weight: Array) -> tuple[Array, A
     b = np.multiply(seen.point, weight[:, :, None], out=seen.point)
     if problem.fixed.any():
         b *= ~problem.fixed[problem.point][:, None, :]
-    e = (seen.xy - problem.xy) * weight
+    e = np.subtract(seen.xy, problem.xy, out=seen.xy)
+    e *= weight
     if problem.rejected is not None:
         b[problem.rejected] = 0.0
         e[problem.rejected] = 0.0
