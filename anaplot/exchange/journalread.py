@@ -50,6 +50,7 @@ MAX_FILE_BYTES = 256_000_000
 """Largest file that is read: four times the length at which the next one is begun."""
 
 _CHUNK = 1 << 20
+_OPENING = ("header", "opened")
 _BEGINNING = b'{"seq":'
 _FILE_NAME = re.compile(r"([0-9]{4,99})\.jsonl")
 
@@ -306,6 +307,24 @@ def _nothing(kind: str) -> bool:
     return False
 
 
+class _Wanted(dict[str, bool]):
+    """Of which kinds the payload is wanted: each is asked about once, not with every line.
+
+    Parameters
+    ----------
+    keep
+        Says which kinds are wanted; None: all.
+    """
+
+    def __init__(self, keep: Keep | None) -> None:
+        super().__init__()
+        self._keep = keep
+
+    def __missing__(self, kind: str) -> bool:
+        wanted = self._keep is None or kind in _OPENING or self._keep(kind)
+        return self.setdefault(kind, wanted)
+
+
 class _FileReader:
     """One pass through one file.
 
@@ -328,6 +347,7 @@ class _FileReader:
         self._name = place(path)
         self._seq = seq
         self._keep = keep
+        self._wanted: Keep = _Wanted(keep).__getitem__
         self._records = records
 
     def scan(self, *, is_last: bool, behind: Snapshot | None = None) -> FileScan:
@@ -365,9 +385,13 @@ class _FileReader:
                     raise self._damaged(line, damage) from None
                 tail, lacks_end = self._tail(file, raw, line, size - good, damage), False
                 break
-            self._check(record)
-            self._seq = record.seq
-            if wanted and (self._keep is None or self._keep(record.kind)):
+            seq, kind = record.seq, record.kind
+            if line == 1 or kind in _OPENING:
+                self._check_opening(record)
+            if self._seq is not None and seq != self._seq + 1:
+                raise self._fail(line, f"record {seq} where {self._seq + 1} should follow")
+            self._seq = seq
+            if wanted and (kind not in _OPENING or self._keep is None or self._keep(kind)):
                 self._records.append(record)
             good += len(raw)
             crc = zlib.crc32(raw, crc)
@@ -376,20 +400,13 @@ class _FileReader:
             raise InputError(f"{self._name}: is empty, but files follow it")
         return FileScan(self._path, good, size, self._seq or 0, tail, lacks_end, whole, crc)
 
-    def _wanted(self, kind: str) -> bool:
-        return self._keep is None or kind in ("header", "opened") or self._keep(kind)
-
-    def _check(self, record: JournalRecord) -> None:
+    def _check_opening(self, record: JournalRecord) -> None:
+        """Check the first record, and those that say in which format what follows is."""
         if record.line == 1 and record.kind != "header":
             raise self._fail(record.line, "the header is missing")
         if record.line > 1 and record.kind == "header":
             raise self._fail(record.line, "a second header")
-        if record.kind in ("header", "opened"):
-            check_format(record.payload.get("format", 0), self._name, record.line)
-        if self._seq is not None and record.seq != self._seq + 1:
-            raise self._fail(
-                record.line, f"record {record.seq} where {self._seq + 1} should follow"
-            )
+        check_format(record.payload.get("format", 0), self._name, record.line)
 
     def _tail(
         self, file: BinaryIO, raw: bytes, line: int, left: int, damage: DamagedLineError

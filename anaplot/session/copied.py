@@ -17,11 +17,10 @@ T = TypeVar("T")
 
 
 class _Layout(NamedTuple):
-    """Where the fields of a class stand, how all are read, and how each is written."""
+    """How all fields of a class are read, and how each is written, by its name."""
 
-    place: dict[str, int]
     read: Callable[[Any], tuple[Any, ...]]
-    write: tuple[Callable[[Any, Any], None], ...]
+    write: dict[str, Callable[[Any, Any], None]]
 
 
 _KNOWN: dict[type[Any], _Layout] = {}
@@ -31,9 +30,8 @@ def _layout(cls: type[Any]) -> _Layout:
     names = [field.name for field in fields(cls)]
     if len(names) < 2 or "__slots__" not in vars(cls) or hasattr(cls, "__post_init__"):
         raise TypeError(f"{cls.__name__}: no class with slots that are its fields and nothing more")
-    place = {name: k for k, name in enumerate(names)}
-    write = tuple(vars(cls)[name].__set__ for name in names)
-    return _KNOWN.setdefault(cls, _Layout(place, attrgetter(*names), write))
+    write = {name: vars(cls)[name].__set__ for name in names}
+    return _KNOWN.setdefault(cls, _Layout(attrgetter(*names), write))
 
 
 def copied(one: T, **changes: Any) -> T:
@@ -45,13 +43,12 @@ def copied(one: T, **changes: Any) -> T:
         There is no such field, or the class has more to do than to keep its fields.
     """
     cls = type(one)
-    place, read, write = _KNOWN.get(cls) or _layout(cls)
-    cells = list(read(one))
-    for name, value in changes.items():
-        if name not in place:
-            raise TypeError(f"{cls.__name__} has no field {name!r}")
-        cells[place[name]] = value
+    read, write = _KNOWN.get(cls) or _layout(cls)
     copy = object.__new__(cls)
-    for put, cell in zip(write, cells, strict=True):
+    for put, cell in zip(write.values(), read(one), strict=True):
         put(copy, cell)
+    for name, value in changes.items():
+        if name not in write:
+            raise TypeError(f"{cls.__name__} has no field {name!r}")
+        write[name](copy, value)
     return copy

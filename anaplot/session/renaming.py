@@ -16,6 +16,7 @@ from anaplot.session.refusal import EventRefusedError
 
 __all__ = ["names_after", "renamed"]
 
+Plan = tuple[PlannedPoint, ...]
 _BOTH: tuple[Side, ...] = ("left", "right")
 
 
@@ -61,10 +62,14 @@ def renamed(
             f"point {name} is not measured in model {model.name}: in one photo alone a point can "
             f"only be {what}"
         )
-    if model.planned(name) is None:
-        model = _with_name(model, event, known())
-    before = model
-    after = _mono(model, event, sides) if model.mono else _pair(model, event)
+    plan = model.plan if model.planned(name) is not None else _plan_with_name(model, event, known())
+    if model.mono:
+        after = _mono(copied(model, plan=plan), event, sides)
+    else:
+        after = copied(model, plan=plan, measured=_pair(model, plan, event))
+    if not model.off:
+        return after
+    before = copied(model, plan=plan)
     off = {key for key in before.off if key[0] not in (point, name)}
     if event.side is None:
         off |= _off_as(before, point, after, name) | _off_as(before, name, after, point)
@@ -85,13 +90,16 @@ def names_after(before: ModelState, after: ModelState) -> dict[str, str]:
 
 def _places(model: ModelState) -> dict[str, tuple[tuple[float, float] | None, ...]]:
     """Return where points were measured in the left and the right photo."""
-    places = {p.point: tuple(model.place_of(side, p.point) for side in _BOTH) for p in model.plan}
+    if not model.mono:
+        return {m.point: ((m.xl, m.yl), (m.xr, m.yr)) for m in model.measured}
+    seen = {(s.side, s.point): (s.x, s.y) for s in model.seen}
+    places = {p.point: tuple(seen.get((side, p.point)) for side in _BOTH) for p in model.plan}
     return {point: at for point, at in places.items() if any(at)}
 
 
 def _off_as(before: ModelState, point: str, after: ModelState, name: str) -> set[tuple[str, Axis]]:
     """Return the rows of what was measured as a point that are off when it has another name."""
-    if not before.off or before.measurement(point) is None:
+    if before.measurement(point) is None:
         return set()
     # a point of which nothing counts may get a row more, and one less
     whole = before.is_off(point)
@@ -105,8 +113,8 @@ def _has(model: ModelState, name: str) -> bool:
     return model.measurement(name) is not None
 
 
-def _with_name(model: ModelState, event: PointRenamed, known: Collection[str]) -> ModelState:
-    """Return the model with the name in its plan."""
+def _plan_with_name(model: ModelState, event: PointRenamed, known: Collection[str]) -> Plan:
+    """Return the plan of a model with the name in it."""
     old = model.planned(event.point)
     assert old is not None  # it is measured
     if (event.role == "tie") != (event.name in known):
@@ -120,11 +128,12 @@ def _with_name(model: ModelState, event: PointRenamed, known: Collection[str]) -
         event.name, event.role, *(left or (old.xl, old.yl)), *(right or (old.xr, old.yr))
     )
     if old.role == "tie":
-        return copied(model, plan=(*model.plan, new))
-    return copied(model, plan=tuple([new if p is old else p for p in model.plan]))
+        return (*model.plan, new)
+    return tuple([new if p is old else p for p in model.plan])
 
 
-def _pair(model: ModelState, event: PointRenamed) -> ModelState:
+def _pair(model: ModelState, plan: Plan, event: PointRenamed) -> tuple[Measured, ...]:
+    """Return what is measured in both photos of a model, in the order of the plan."""
     one = model.measurement(event.point)
     other = model.measurement(event.name)
     assert one is not None
@@ -140,11 +149,7 @@ def _pair(model: ModelState, event: PointRenamed) -> ModelState:
             found[event.name] = copied(one, point=event.name)
             if other is not None:
                 found[event.point] = copied(other, point=event.point)
-    return copied(model, measured=_in_order(model, found))
-
-
-def _in_order(model: ModelState, found: dict[str, Measured]) -> tuple[Measured, ...]:
-    return tuple([m for p in model.plan if (m := found.get(p.point)) is not None])
+    return tuple([m for p in plan if (m := found.get(p.point)) is not None])
 
 
 def _mono(model: ModelState, event: PointRenamed, sides: tuple[Side, ...]) -> ModelState:

@@ -423,6 +423,8 @@ def _measured(state: SessionState, event: PointMeasured) -> ModelState:
     else:
         by_name = {m.point: m for m in model.measured} | {event.point: new}
         measured = tuple(by_name[p.point] for p in model.plan if p.point in by_name)
+    if not model.off:
+        return copied(model, measured=measured)
     # a point measured anew is believed again until its rows say otherwise
     off = frozenset(key for key in model.off if key[0] != event.point)
     return copied(model, measured=measured, off=off)

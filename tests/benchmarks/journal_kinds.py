@@ -2,10 +2,10 @@
 
 Run it as `python tests/benchmarks/journal_kinds.py [events [kind ...]]`. Two models are measured;
 then an operator takes breaks, returns to a model, measures a point again, switches a row off and
-on, says why, takes back, or corrects a name, over and over, with the line's traffic and a table
-behind every event. Processor time of a thread for the fold over all events and for opening the
-block, beside that of parsing all lines with `json.loads`; processes, memory and garbage collector
-as in `journal_opening.py`.
+on, says why, takes back, corrects a name, or all of this in turn, over and over, with the line's
+traffic and a table behind every event. Processor time of a thread for the fold over all events and
+for opening the block, beside that of parsing all lines with `json.loads`; processes, memory and
+garbage collector as in `journal_opening.py`.
 """
 
 from __future__ import annotations
@@ -68,6 +68,9 @@ KINDS: dict[str, Callable[[PointMeasured, PointMeasured], Sequence[Event]]] = {
     "undone": lambda now, _: [_moved(now), Undone()],
     "renamed": lambda now, _: [_name(now, now.point, "other"), _name(now, "other", now.point)],
 }
+KINDS["mixed"] = lambda now, first: [
+    event for name, kind in KINDS.items() if name != "mixed" for event in kind(now, first)
+]
 
 
 def write(folder: Path, kind: str, count: int) -> None:
