@@ -60,6 +60,9 @@ def _transfers(solution: ModelSolution) -> tuple[Transfer[Row], ...]:
     What is serious between the two points of a doubled one is none: "because their location is
     almost identical, the problem area is uniquely identified" (1983).
     """
+    transfers = solution.tested.transfers()
+    if all(transfer.critical for transfer in transfers):
+        return transfers
     at = {point.point: (point.X, point.Y) for point in solution.points}
     near = _TWINS * abs(solution.base[0])
 
@@ -68,7 +71,7 @@ def _transfers(solution: ModelSolution) -> tuple[Transfer[Row], ...]:
 
     return tuple(
         transfer
-        for transfer in solution.tested.transfers()
+        for transfer in transfers
         if transfer.critical or not twins(transfer.source[0], transfer.target[0])
     )
 
@@ -115,14 +118,13 @@ def _evidence(solution: ModelSolution) -> _Evidence:
     """
     tested = solution.tested
     if solution.exact is None or tested.redundancy < 1:
-        return _evidence_of(tested, np.nan_to_num(np.abs(tested.w)), tested.odds)
+        return _evidence_of(tested, np.fmax(np.abs(tested.w), 0.0), tested.odds)
     system = residual_system(solution)
-    w = np.full(len(system.e), np.nan)
-    np.divide(np.abs(system.e), np.sqrt(system.r), out=w, where=system.r >= TESTABLE)
+    w = np.abs(system.e) / np.sqrt(np.where(system.r >= TESTABLE, system.r, np.nan))
     factor = tested.test.factor(sqrt(system.vtpv / system.redundancy))
     if factor:
         w /= factor
-    shown = np.nan_to_num(w)
+    shown = np.fmax(w, 0.0)
     # with one redundancy all are equal but for rounding: the smallest error that explains it
     largest = shown >= shown.max() * (1.0 - EQUAL)
     errors = shown[largest] / np.sqrt(np.maximum(system.r[largest], TESTABLE))

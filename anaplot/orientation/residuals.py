@@ -53,7 +53,7 @@ def residual_system(solution: ModelSolution) -> ModelResiduals:
             solution.tested.residual / solution.apriori_um,
             solution.exact.weight,
             solution.redundancy,
-            correlated_units(solution.exact.misclosures),
+            solution.exact.units,
             solution.apriori_um,
         )
     root = np.sqrt(solution.q_l)

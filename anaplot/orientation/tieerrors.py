@@ -58,6 +58,8 @@ class ExactStatistics(MadeAgain):
         (n, n) what it leaves in the weighted residuals, P^1/2 S P^1/2.
     along
         (u, u) covariance of the steps along the columns of the adjustment's basis.
+    across
+        (n - u, n - u) covariance of what is left, along the columns of its complement.
     vtpv
         v'S+ v.
     effects
@@ -71,6 +73,7 @@ class ExactStatistics(MadeAgain):
     weighted: Array = field(repr=False)
     left: Array = field(repr=False)
     along: Array = field(repr=False)
+    across: Array = field(repr=False)
     vtpv: float
     effects: Array = field(repr=False)
     rows: _RowDerivatives = field(repr=False)
@@ -94,10 +97,19 @@ class ExactStatistics(MadeAgain):
     def weight(self) -> Array:
         """(n, n) W = Sigma_F^-1 - Sigma_F^-1 B (B' Sigma_F^-1 B)^-1 B' Sigma_F^-1, of rank f.
 
-        A generalized inverse of S, v'W v = v'S+ v, and the cofactors of W F.
+        A generalized inverse of S, v'W v = v'S+ v, and the cofactors of W F. As B' annuls W and S
+        is V Z V' in weighted units, W is V Z^-1 V' in these.
         """
-        root = self.adjusted.root
-        return residual_weight(self.misclosures, self.adjusted.basis * root[:, None])
+        if not len(self.across):
+            return np.zeros_like(self.weighted)
+        complement = self.adjusted.complement / self.adjusted.root[:, None]
+        left = _whitener(self.across).dot(complement.T)
+        return np.asarray(left.T.dot(left))
+
+    @cached_property
+    def units(self) -> Array:
+        """(n,) standard deviations of the rows, each given all others: `correlated_units`."""
+        return self.adjusted.root * correlated_units(self.weighted)
 
     @cached_property
     def ties(self) -> TieErrors:
@@ -157,6 +169,7 @@ def exact_statistics(
         weighted=sigma,
         left=complement.dot(across).dot(complement.T),
         along=along,
+        across=across,
         vtpv=vtpv,
         effects=np.sqrt(np.add.reduce(basis.T * moved)),
         rows=rows,

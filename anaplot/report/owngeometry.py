@@ -22,7 +22,6 @@ from anaplot.exchange.patternfile import is_pattern_file, read_pattern
 from anaplot.orientation.modelvalues import ideal_roots
 from anaplot.orientation.patterns import USUAL_BASE, USUAL_C, USUAL_D, pattern
 from anaplot.orientation.residuals import residual_system
-from anaplot.orientation.tieerrors import correlated_units
 from anaplot.photogrammetry.block import TieVariance
 from anaplot.planning.networkplan import CUBE_VERSIONS, cube, plan_network
 from anaplot.planning.ownerrors import Correlated, OwnErrors
@@ -215,7 +214,7 @@ def _of_model(
     system = residual_system(solution)
     correlated = None
     if solution.exact is not None:
-        unit = correlated_units(solution.exact.misclosures)
+        unit = solution.exact.units
         scaled = solution.exact.misclosures / unit[:, None] / unit
         factor = np.asarray(np.linalg.cholesky(scaled))
         correlated = Correlated(factor, np.sqrt(solution.q_l) / unit, solution.redundancy)

@@ -25,6 +25,7 @@ from anaplot.orientation.patterns import pattern
 from anaplot.orientation.residuals import residual_system, residuals_at
 from anaplot.orientation.results import ModelSolution
 from anaplot.orientation.strip import bridge_strip, pooled_sigma_um, stereopair
+from anaplot.orientation.tieerrors import correlated_units, residual_weight
 from anaplot.photogrammetry.block import Block, ImagePoint, Photo, Strip
 from anaplot.photogrammetry.rotation import rotation_matrix
 
@@ -389,6 +390,18 @@ def test_a_row_that_serves_two_models_counts_as_one_measurement(again):
     for model, other in zip(models, expected, strict=True):
         by_name = {row.key: row.expected for row in other.table}
         assert {row.key: row.expected for row in model.table} == pytest.approx(by_name, rel=1e-9)
+
+
+@pytest.mark.parametrize("columns", ["abcde", "ace"])
+def test_weight_units_and_sigma0_are_those_of_the_covariance(columns):
+    model = noisy_models(columns)[0][-1]
+    exact = model.exact
+    sigma, design = exact.misclosures, exact.adjusted.basis * exact.adjusted.root[:, None]
+    scale = np.abs(exact.weight).max()
+    assert exact.weight == pytest.approx(residual_weight(sigma, design), abs=1e-10 * scale)
+    assert exact.units == pytest.approx(correlated_units(sigma), rel=1e-11)
+    v = exact.adjusted.closing
+    assert exact.vtpv == pytest.approx(v @ np.linalg.pinv(exact.left, rcond=1e-10) @ v, rel=1e-8)
 
 
 def test_rows_from_outside_are_those_of_the_solution():
