@@ -1,11 +1,11 @@
 """Exact cofactors and redundancy numbers of every observation of a bundle.
 
 Nothing of the size of the block is inverted. With Q_c the part of the inverse of the reduced
-normal equations that belongs to the photos (and the shared parameters) of one point, and
-M = V^-1 W' of that point, everything follows point by point:
+normal equations that belongs to the photos (and the shared parameters) of one point, V = L L' its
+own equations, Z those with its photos times L^-T, and S = B L^-T, everything follows point by point:
 
-    cov(photo, point) = -Q_c M',    Q_point = V^-1 + M Q_c M',
-    q_ll(ray) = A Q_c A' + A cov B' + B cov' A' + B Q_point B'.
+    cov(photo, point) = -Q_c Z L^-1,    Q_point = L^-T U L^-1 with U = I + Z' Q_c Z,
+    q_ll(ray) = A Q_c A' - A Q_c Z S' - S Z' Q_c A' + S U S'.
 
 All is whitened (observations divided by their a-priori sigmas), so that r = 1 - diag(q_ll).
 """
@@ -332,56 +332,55 @@ def compute_cofactors(
     response = np.empty((m, 3, 2))
     q_points = np.empty((count, 3, 3))
     own = inverse.blocks[normal.structure.pattern.diagonal]
-    all_cov = _photos_and_points(normal, inverse)
+    all_qz = _photos_and_points(normal, inverse)
     for piece in normal.structure.pieces:
         k, size = piece.group.rays, piece.stop - piece.start
         rays, points = piece.rays, piece.points
         root = normal.inverse_root[points]
+        turned = root.transpose(0, 2, 1)
         photo = problem.photo[rays]
         z = normal.z[rays].reshape(size, k * d, 3)
-        mt = np.matmul(z, root)  # M', k d x 3
-        cov = all_cov[rays].reshape(size, k * d, 3)
-        q_point = np.matmul(root.transpose(0, 2, 1), root)
-        a, b = linear.a[rays], linear.b[rays]
+        qz = all_qz[rays].reshape(size, k * d, 3)
+        a, b = linear.a[rays], linear.b[rays].reshape(size, 2 * k, 3)
+        h = linear.h[rays]
+        inner = np.broadcast_to(np.eye(3), (size, 3, 3))  # L' Q_point L
         if g:
-            mg = np.matmul(root.transpose(0, 2, 1), normal.t[points])  # 3 x g
+            t = normal.t[points]  # 3 x g
+            tt = t.transpose(0, 2, 1)
             beside = inverse.border[photo].reshape(size, k * d, g)
-            cov_shared = np.matmul(beside.transpose(0, 2, 1), mt)
-            cov_shared += np.matmul(inverse.corner, mg.transpose(0, 2, 1))
-            cov += np.matmul(beside, mg.transpose(0, 2, 1))
-            q_point += np.matmul(mg, cov_shared)
-        q_point += np.matmul(mt.transpose(0, 2, 1), cov)
-        q_points[points] = q_point
-        cov = cov.reshape(size * k, d, 3)
-        per_ray = np.repeat(q_point, k, axis=0)
-        ac = np.matmul(a, cov)
-        bq = np.matmul(b, per_ray)
-        bt = b.transpose(0, 2, 1)
-        at = a.transpose(0, 2, 1)
-        left = np.matmul(a, own[photo])
+            qz_shared = np.matmul(beside.transpose(0, 2, 1), z) + np.matmul(inverse.corner, tt)
+            qz += np.matmul(beside, tt)
+            inner = inner + np.matmul(t, qz_shared)
+        inner = inner + np.matmul(z.transpose(0, 2, 1), qz)
+        q_points[points] = np.matmul(np.matmul(turned, inner), root)
+        # of every ray, with respect to its point as L' turns it
+        scaled = np.matmul(b, turned)
+        back = np.matmul(scaled, inner).reshape(size * k, 2, 3)
+        scaled = scaled.reshape(size * k, 2, 3)
+        aqz = np.matmul(a, qz.reshape(size * k, d, 3))
+        back -= aqz
         if g:
-            h = linear.h[rays]
             columns = normal.border_columns(problem.additional_group[rays])
             owner = np.repeat(np.arange(size), k)
             # rows of the shared parameters that this ray depends on
-            cov_h = cov_shared[owner[:, None], columns]
+            qz_h = np.matmul(h, qz_shared[owner[:, None], columns])
+            back -= qz_h
+            aqz += qz_h
+        across = scaled.transpose(0, 2, 1)
+        q_ray = np.matmul(back, across)
+        q_ray -= np.matmul(scaled, aqz.transpose(0, 2, 1))
+        q_ray += np.matmul(np.matmul(a, own[photo]), a.transpose(0, 2, 1))
+        if g:
             beside_h = inverse.border[photo[:, None, None], np.arange(d)[:, None], columns[:, None]]
             corner_h = inverse.corner[columns[:, :, None], columns[:, None, :]]
             ht = h.transpose(0, 2, 1)
-            hc = np.matmul(h, cov_h)
             hb = np.matmul(a, np.matmul(beside_h, ht))
-            side = np.matmul(hc, bt)
-            q_ray = hb + hb.transpose(0, 2, 1) - side - side.transpose(0, 2, 1)
-            q_ray += np.matmul(np.matmul(h, corner_h), ht)
-        else:
-            q_ray = np.zeros((size * k, 2, 2))
-        mixed = np.matmul(ac, bt)
-        q_ray += np.matmul(left, at) - mixed - mixed.transpose(0, 2, 1) + np.matmul(bq, bt)
+            q_ray += hb + hb.transpose(0, 2, 1) + np.matmul(np.matmul(h, corner_h), ht)
         adjusted[rays] = q_ray
-        back = bq - ac
-        if g:
-            back -= hc
+        # L^-T takes it back
+        back = np.matmul(back.reshape(size, 2 * k, 3), root).reshape(size * k, 2, 3)
         response[rays] = back.transpose(0, 2, 1)
+    del all_qz
     corner, beside_photos = inverse.corner, inverse.border
     r_conditions = np.zeros(0 if problem.conditions is None else len(problem.conditions.rows))
     for added in normal.changes(factor):
@@ -449,15 +448,13 @@ def compute_cofactors(
 
 
 def _photos_and_points(normal: NormalEquations, inverse: SelectedInverse) -> Array:
-    """Return (m, d, 3) minus the covariances of photo and point of every ray, but for parameters.
+    """Return (m, d, 3) of every ray the rows of its photo in Q_c Z of its point.
 
-    Q M', of which a ray needs the rows of its photo.
+    Times L^-1 they are minus the covariances of photo and point, but for shared parameters.
     """
-    root = normal.inverse_root[normal.problem.point]
-    mt: Array = np.matmul(normal.z, root)
-    out = np.empty_like(mt)
+    out = np.empty_like(normal.z)
     for cluster in normal.structure.clusters:
-        tall = cluster.matrix_of(inverse.blocks) @ cluster.of.laid_out(mt)
+        tall = cluster.matrix_of(inverse.blocks) @ cluster.of.laid_out(normal.z)
         out[cluster.of.rays] = cluster.of.of_rays(tall)
     return out
 
