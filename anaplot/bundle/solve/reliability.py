@@ -2,7 +2,7 @@
 
 Nothing of the size of the block is inverted. With Q_c the part of the inverse of the reduced
 normal equations that belongs to the photos (and the shared parameters) of one point, V = L L' its
-own equations, Z those with its photos times L^-T, and S = B L^-T, everything follows point by point:
+own equations, Z those with its photos times L^-T, and S = B L^-T, all follows point by point:
 
     cov(photo, point) = -Q_c Z L^-1,    Q_point = L^-T U L^-1 with U = I + Z' Q_c Z,
     q_ll(ray) = A Q_c A' - A Q_c Z S' - S Z' Q_c A' + S U S'.
