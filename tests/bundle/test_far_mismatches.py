@@ -15,6 +15,7 @@ from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.errors import misfits
 from anaplot.bundle.errors.grosserrors import BlockFindings, block_gross_errors
 from anaplot.bundle.solve.problem import make_problem
+from anaplot.bundle.start.pointknowledge import equations_knowing
 from anaplot.bundle.start.robust import FarOff
 from anaplot.cli import main
 from anaplot.exchange.blockfolder import (
@@ -211,7 +212,7 @@ def test_knowledge_is_as_sharp_as_the_rays_are_long() -> None:
             changed = replace(block, conditions=(one,))
         made = make_problem(changed)
         assert made.points == problem.points
-        return int(misfits._known(made, replace(state, points=points))[at])
+        return int(equations_knowing(made, replace(state, points=points))[at])
 
     assert knows(0.004 * long) == 3
     assert knows(0.006 * long) == 0

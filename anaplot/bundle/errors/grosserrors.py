@@ -177,7 +177,8 @@ class BlockFindings(Cleaned[BlockPlace, ObservationName, AllRows]):
     @property
     def hardly_checked(self) -> list[HardlyChecked]:
         """Photos that have lost rays, and of whose others less than one checks the place."""
-        return hardly_checked_photos(self.block.problem, self.out, self.rays_of_points)
+        block = self.block
+        return hardly_checked_photos(block.problem, block.state, self.out, self.rays_of_points)
 
     @property
     def remarks(self) -> tuple[str, ...]:

@@ -28,9 +28,9 @@ from anaplot.bundle.solve.remade import among_points, without_points
 from anaplot.bundle.solve.selection import FAR_APART
 from anaplot.bundle.solve.structure import Structure, make_structure
 from anaplot.bundle.start.halfrays import met_planes
+from anaplot.bundle.start.pointknowledge import WIDE, equations_knowing
 from anaplot.bundle.start.robust import FarOff, far_off
 from anaplot.errors import NotComputableError
-from anaplot.photogrammetry.objectconditions import ObjectCondition
 
 __all__ = [
     "PartialAdjustment",
@@ -46,9 +46,7 @@ _FITS = 4.0  # sigma0 up to which what is left fits
 _TELL = 7  # equations of a point from which it is told which of its rays is wrong
 _VOTE = 6  # from which rays that all contradict what is known of it tell that this is wrong
 _ENOUGH = 0.01  # of a point's weakest direction that must be left
-_WIDE = 0.05  # of the principal distance: a ray that misses so far was meant for another point
-_OFF = 10.0  # sigmas by which a coordinate of such a ray is off
-_FARTHEST = 0.95  # of all rays are shorter: where a point's rays do not meet it may be anywhere
+_OFF = 10.0  # sigmas by which a coordinate of a ray is off that was meant for another point
 
 
 class PartialAdjustment(NamedTuple):
@@ -207,8 +205,13 @@ def _fits(problem: Problem, found: Minimum) -> bool:
     return found.convergence.last <= _FITS**2 * max(problem.redundancy, 1)
 
 
-def _worst_of_points(problem: Problem, off: FarOff) -> FarOff:
-    """Blame of every point the ray that misses most, and no control."""
+def _worst_of_points(problem: Problem, off: FarOff) -> FarOff | None:
+    """Blame of every point the ray that misses most, and no control.
+
+    None where control free of error is to blame.
+    """
+    if _control_believed(problem, off) is None:
+        return None
     size = _sizes(problem, off.state)
     size = np.where(off.rays, np.nan_to_num(size, nan=np.inf), -1.0)
     most = np.full(len(problem.points), -1.0)
@@ -240,7 +243,7 @@ def _control_believed(problem: Problem, off: FarOff) -> FarOff | None:
     # one ray is no majority: what is free of error tells that it is wrong
     majority = np.maximum(count // 2, 1)
     most = np.bincount(problem.point[wrong], minlength=len(problem.points)) > majority
-    if (most & ~_undecided(problem, _known(problem, off.state), _VOTE)).any():
+    if (most & ~_undecided(problem, equations_knowing(problem, off.state), _VOTE)).any():
         return None
     rays = np.where(firm[problem.point], wrong, off.rays)
     return off._replace(rays=rays, control=off.control & ~firm)
@@ -299,7 +302,7 @@ def _far_apart(problem: Problem, off: FarOff) -> Bools:
         kept &= ~problem.rejected.all(axis=1)
     out = np.zeros(len(problem.points), dtype=bool)
     out[problem.point[kept]] = True
-    known = _known(problem, off.state)
+    known = equations_knowing(problem, off.state)
     out &= known == 0
     doubtful = np.flatnonzero(out)
     wide = np.zeros(len(out), dtype=bool)
@@ -307,39 +310,6 @@ def _far_apart(problem: Problem, off: FarOff) -> Bools:
     _, certain = met_planes(problem, off.state, doubtful)
     out[doubtful] = wide[doubtful] | ~certain
     return out | (wide & _undecided(problem, known))
-
-
-def _known(problem: Problem, state: BlockState) -> Index:
-    """(points,) how many equations besides those of its rays know where a point is.
-
-    What is known too badly to see that a ray was meant for another point is no knowledge.
-    """
-    away = np.linalg.norm(state.points[problem.point] - state.centres[problem.photo], axis=1)
-    count = np.bincount(problem.point, minlength=len(problem.points))
-    own = np.bincount(problem.point, away, len(count)) / np.maximum(count, 1)
-    worst = _WIDE / _OFF * np.minimum(own, np.quantile(away, _FARTHEST))
-    sharp = (problem.ground_sigma <= worst[:, None]).any(axis=0)
-    known: Index = (problem.fixed | sharp).sum(axis=1)
-    if problem.given is not None:
-        known[problem.given.points_given(len(known))] = 3
-    observed = [one for one in problem.block.conditions if one.use == "control"]
-    index = {name: k for k, name in enumerate(problem.points)} if observed else {}
-    for one in observed:
-        points = np.array([index.get(name, -1) for name in one.points])
-        if (points >= 0).all():
-            sigma = _metres(one, state.points[points])
-            known[points[sigma <= worst[points]]] += 1
-    return known
-
-
-def _metres(one: ObjectCondition, places: Array) -> Array:
-    """(k,) sigma of a condition at each of its points [m]."""
-    if one.kind != "angle":
-        return np.full(len(places), one.sigma)
-    legs = np.linalg.norm(places - places[1], axis=1)
-    legs[1] = min(legs[0], legs[2])
-    out: Array = one.sigma * legs
-    return out
 
 
 def _undecided(problem: Problem, known: Index, tell: int = _TELL) -> Bools:
@@ -363,7 +333,7 @@ def _misses(problem: Problem, state: BlockState) -> Array:
 
 def _wide(problem: Problem, misses: Array) -> Bools:
     """(m,) which rays miss so far that they were taken for another point's."""
-    out: Bools = ~(np.linalg.norm(misses, axis=1) <= _WIDE * problem.c[problem.photo])
+    out: Bools = ~(np.linalg.norm(misses, axis=1) <= WIDE * problem.c[problem.photo])
     return out
 
 
@@ -397,7 +367,7 @@ def _open_points(problem: Problem, structure: Structure, state: BlockState) -> B
         NormalEquations(problem, structure, linearise(problem, state), 0.0, weights)
     except PointError as error:
         out[error.points] = True
-    known = _known(problem, state)
+    known = equations_knowing(problem, state)
     out &= (known == 0) | _undecided(problem, known)
     return out
 

@@ -17,6 +17,7 @@ import numpy as np
 from scipy.special import bdtrc
 
 from anaplot.aliases import Index
+from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.observations import ObservationName
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.start.placedagain import hardly_checked
@@ -114,7 +115,10 @@ def losses_of_photos(
 
 
 def hardly_checked_photos(
-    problem: Problem, rejected: Iterable[ObservationName], left_out: Iterable[str] = ()
+    problem: Problem,
+    state: BlockState,
+    rejected: Iterable[ObservationName],
+    left_out: Iterable[str] = (),
 ) -> list[HardlyChecked]:
     """Return the photos that lose rays and of whose others less than one checks the place.
 
@@ -122,6 +126,8 @@ def hardly_checked_photos(
     ----------
     problem, rejected, left_out
         As for `losses_of_photos`; the bundle lacks what is rejected.
+    state
+        Its solution.
     """
     lost, rays = _counted(problem, rejected, left_out)
     counts = np.ones(len(problem.photo), dtype=bool)
@@ -129,7 +135,7 @@ def hardly_checked_photos(
         counts &= ~problem.rejected.any(axis=1)
     return [
         HardlyChecked(problem.photos[k], int(lost[k]), int(rays[k]))
-        for k in np.flatnonzero((lost > 0) & hardly_checked(problem, counts)).tolist()
+        for k in np.flatnonzero((lost > 0) & hardly_checked(problem, counts, state)).tolist()
     ]
 
 

@@ -16,6 +16,7 @@ from anaplot.aliases import Array, Bools, Index
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.linearised import counted_misclosures
 from anaplot.bundle.solve.problem import Problem
+from anaplot.bundle.start.pointknowledge import equations_knowing
 from anaplot.bundle.start.resection import image_misses, three_point_resection
 from anaplot.bundle.start.subblock import SubBlock, intersect_rays, rays_of_photos, unit_rays
 
@@ -49,7 +50,7 @@ def placed_again(problem: Problem, state: BlockState, reach: Array) -> BlockStat
     fits = np.linalg.norm(e, axis=1) <= reach
     astray = np.bincount(problem.photo[~fits], minlength=len(problem.photos)) > 0
     few = np.bincount(problem.photo, minlength=len(problem.photos)) <= _FEW
-    photos = np.flatnonzero(astray & few & hardly_checked(problem, fits))
+    photos = np.flatnonzero(astray & few & hardly_checked(problem, fits, state))
     if not 0 < len(photos) <= len(problem.photos) // 2:
         return None
     rays, by_photo = unit_rays(problem), rays_of_photos(problem)
@@ -67,7 +68,7 @@ def placed_again(problem: Problem, state: BlockState, reach: Array) -> BlockStat
     return replace(state, centres=block.centres, rotations=block.rotations, points=block.points)
 
 
-def hardly_checked(problem: Problem, fits: Bools) -> Bools:
+def hardly_checked(problem: Problem, fits: Bools, state: BlockState) -> Bools:
     """Return the photos of which less than one ray checks the others.
 
     Parameters
@@ -76,6 +77,8 @@ def hardly_checked(problem: Problem, fits: Bools) -> Bools:
         The bundle.
     fits
         (m,) rays that count.
+    state
+        Where points and photos are, about.
 
     Returns
     -------
@@ -85,11 +88,13 @@ def hardly_checked(problem: Problem, fits: Bools) -> Bools:
     n, p = len(problem.photos), len(problem.points)
     pairs = np.unique(np.stack((problem.point[fits], problem.photo[fits])), axis=1)
     others = np.bincount(pairs[0], minlength=p) - 1
-    held = (problem.fixed | np.isfinite(problem.known_sigma)).sum(axis=1)
     # a point has three coordinates: what more is known than these is said of the photo
-    said = np.clip(2 * others + held - 1, 0, 2)[pairs[0]]
+    said = np.clip(2 * others + equations_knowing(problem, state) - 1, 0, 2)[pairs[0]]
     few: Bools = np.bincount(pairs[1], said, n) < _UNKNOWNS + _A_RAY
-    return few & ~np.isfinite(problem.position_sigma).any(axis=1)
+    few &= ~np.isfinite(problem.position_sigma).any(axis=1)
+    if problem.given is not None:
+        few[problem.given.owner[~problem.given.of_point]] = False
+    return few
 
 
 def _place(
