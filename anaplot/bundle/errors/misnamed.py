@@ -139,6 +139,7 @@ def _candidates(block: AdjustedBlock, rows: Sequence[int]) -> Iterator[_Candidat
     sigma = float(np.median(problem.sigma))
     placed = _Placed(problem)
     given: set[frozenset[int]] = set()
+    lacking: dict[int, Array] = {}  # where photos would see the points around them
     for row in rows:
         ray = ray_of.get(row)
         if ray is None:
@@ -159,7 +160,9 @@ def _candidates(block: AdjustedBlock, rows: Sequence[int]) -> Iterator[_Candidat
         if problem.lens_units is not None:
             continue  # only where points are seen that are measured there can be told
         around = placed.points_around(photo)
-        far = _far(seen_places(problem, state, photo, state.points[around]).xy, problem.xy[ray])
+        if photo not in lacking:
+            lacking[photo] = seen_places(problem, state, photo, state.points[around]).xy
+        far = _far(lacking[photo], problem.xy[ray])
         far[placed.elsewhere(around, far, sigma)] = np.inf
         for at in around[far < _NEAR * sigma].tolist():
             yield _Candidate(row, problem.points[at], None)
@@ -226,7 +229,7 @@ def _ranges(starts: Index, which: Index) -> Index:
 
 def _far(places: Array, place: Array) -> Array:
     with np.errstate(invalid="ignore"):
-        distance: Array = np.abs(places - place).max(axis=1)
+        distance: Array = np.maximum(*np.abs(places - place).T)
     return np.where(np.isfinite(distance), distance, np.inf)
 
 
