@@ -195,6 +195,27 @@ def test_a_draft_is_seen_from_what_is_adjusted_already(monkeypatch, kind: str, k
     )
 
 
+def test_a_place_of_which_rows_are_out_reaches_as_far_as_with_them() -> None:
+    system, block, structure = system_of(scenes()["tilted"])
+    problem = system.problem
+    every = BlockParts(system, block.state, structure).drafted([])
+    point = next(k for k in range(len(problem.points)) if np.sum(problem.point == k) == 3)
+    rays = np.flatnonzero(problem.point == point)
+    # of three rays x and y of one and x of another are left: they hardly place the point
+    out = sorted([2 * int(rays[0]), 2 * int(rays[0]) + 1, 2 * int(rays[1]) + 1])
+    seen = BlockParts(system, block.state, structure).adjusted(out)
+    numbers = np.unique(every.places_of(np.arange(len(system.e))))
+    lever = np.zeros(len(system.e))
+    for place in each_of(seen, numbers):
+        lever[place.rows] = place.lever
+    # an element of R with a row elsewhere is within its bound, and that is none that bars the way
+    mine = each_of(every, np.array([point]))[0]
+    others = np.setdiff1d(np.arange(len(system.e)), mine.rows)
+    elements = system.columns(mine.rows)[others]
+    assert np.all(np.abs(elements) <= lever[others][:, None] * lever[mine.rows] + 1e-9)
+    assert np.all(lever[mine.rows] <= 1.2 * mine.lever)
+
+
 def test_all_rows_are_solved_when_they_are_asked_for() -> None:
     system, block, structure = system_of(scenes()["stated"])
     later = LaterResiduals(system.problem, block.state, structure)
