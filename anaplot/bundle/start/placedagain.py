@@ -50,7 +50,10 @@ def placed_again(problem: Problem, state: BlockState, reach: Array) -> BlockStat
     fits = np.linalg.norm(e, axis=1) <= reach
     astray = np.bincount(problem.photo[~fits], minlength=len(problem.photos)) > 0
     few = np.bincount(problem.photo, minlength=len(problem.photos)) <= _FEW
-    photos = np.flatnonzero(astray & few & hardly_checked(problem, fits, state))
+    asked = astray & few
+    if not asked.any():
+        return None
+    photos = np.flatnonzero(asked & hardly_checked(problem, fits, state))
     if not 0 < len(photos) <= len(problem.photos) // 2:
         return None
     rays, by_photo = unit_rays(problem), rays_of_photos(problem)
