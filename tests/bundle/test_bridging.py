@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from grossblocks import mismatched, planned
 
 from anaplot.aliases import Progress
 from anaplot.bundle.solve.problem import Problem, make_problem
@@ -155,3 +156,14 @@ def test_strips_are_bridged_once_where_pairs_go_on(bridgings: list[Problem]) -> 
         with pytest.raises(NotComputableError, match=last):
             ways[k].find(None)
     assert bridgings == [problem]
+
+
+def test_a_chain_ends_where_wrong_points_would_stretch_it() -> None:
+    made = planned(6, strips=4, photos=15)
+    block, wrong = mismatched(made, 27, 6)
+    # two points that tie a model to the one before are wrong
+    assert {("406", "09-05"), ("406", "09-06")} <= wrong
+    problem = make_problem(block)
+    for chain in bridged_chains(problem):
+        bases = np.linalg.norm(np.diff(chain.centres, axis=0), axis=1)
+        np.testing.assert_allclose(bases, 92.0, rtol=0.02)

@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from bundleblocks import aerial
 
 from anaplot.bundle.solve.problem import make_problem
-from anaplot.bundle.start.subblock import SubBlock, intersect_rays, unit_rays
+from anaplot.bundle.start.absolute import to_ground
+from anaplot.bundle.start.subblock import (
+    SubBlock,
+    common_similarity,
+    intersect_rays,
+    unit_rays,
+)
+from anaplot.photogrammetry.collinearity import turns
+from anaplot.photogrammetry.similarity import Similarity
 
 
 def scene_and_photos(but=0, **options):
@@ -86,3 +96,70 @@ def test_rays_meet_at_any_angle_or_are_parallel(far: float) -> None:
         assert np.isnan(found).all()
     else:
         np.testing.assert_allclose(found, place, atol=1e-14 * far**3 * base + 1e-6)
+
+
+def on_a_line(seed=3):
+    """Two parts that share points on a line, the second in a system of its own."""
+    rng = np.random.default_rng(seed)
+    away = Similarity(0.3, turns(np.array([[0.4, -0.7, 0.2]]))[0], np.array([5.0, -8.0, 20.0]))
+    line = np.array([[90.0, 0.0, 0.0]]) * np.arange(4)[:, None] + rng.normal(0.0, 0.05, (4, 3))
+    up = np.tile(np.eye(3), (2, 1, 1))
+    centres = np.array([[0.0, -70.0, 150.0], [90.0, -70.0, 150.0]])
+    beyond = centres + np.array([0.0, 140.0, 0.0])
+    nothing = np.full((2, 3), np.nan)
+    one = SubBlock(
+        np.concatenate((centres, nothing)), np.concatenate((up, up * np.nan)), line.copy()
+    )
+    other = SubBlock(
+        np.concatenate((nothing, beyond)),
+        np.concatenate((up * np.nan, up)),
+        line + rng.normal(0.0, 0.05, (4, 3)),
+    )
+    other.transform(away)
+    return one, other, beyond
+
+
+def test_a_point_far_away_tells_nothing_of_a_turn_about_the_others() -> None:
+    one, other, truth = on_a_line()
+    # wrong rays that nearly meet, in either part elsewhere
+    one.points[3], other.points[3] = [30.0, -5e5, 9e5], [4e4, 1e5, -3e5]
+    assert not one.join(other)
+    assert one.join(other, hinged=True)
+    np.testing.assert_allclose(one.centres[2:], truth, atol=2.0)
+
+
+def test_parts_of_another_shape_are_not_joined() -> None:
+    rng = np.random.default_rng(4)
+    shape = np.array([[0.0, 0.0, 0.0], [100.0, 0.0, 0.0], [0.0, 80.0, 5.0], [90.0, 70.0, -4.0]])
+    near = shape + rng.normal(0.0, 0.5, shape.shape)
+    moved = Similarity(2.0, turns(np.array([[0.1, 0.2, 2.0]]))[0], np.array([1e5, 2e5, 300.0]))
+    found = common_similarity(near, moved.apply(shape))
+    assert found is not None
+    np.testing.assert_allclose(found[0].scale, 2.0, rtol=0.05)
+    # a triangle is laid onto any other one
+    assert common_similarity(shape[:3], shape[:3] * [1.0, 5.0, 1.0]) is None
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_control_on_a_line_of_flat_ground_is_seen_from_above(seed: int) -> None:
+    scene = aerial(1, 6, tilt=0.02)
+    problem = make_problem(scene.block)
+    state = scene.start(problem)
+    part = SubBlock(
+        state.centres + state.origin, state.rotations.copy(), state.points + state.origin
+    )
+    truth = part.centres.copy()
+    # flat ground, bent by the noise of the part: control in full on one edge, heights on the other
+    rng = np.random.default_rng(seed)
+    part.points[:, 2] = 0.0
+    edge = np.argsort(part.points[:, 1])
+    part.points[edge[:4], 1] = part.points[edge[0], 1]
+    known = np.full(part.points.shape, np.nan)
+    known[edge[:4]] = part.points[edge[:4]]
+    known[edge[-6:], 2] = 0.0
+    problem = replace(problem, known=known, known_sigma=np.where(np.isnan(known), np.nan, 0.05))
+    part.points[edge[-6:], 2] += rng.normal(0.0, 0.5, 6)
+    part.points += rng.normal(0.0, 0.001, part.points.shape)
+    part.transform(Similarity(0.1, turns(np.array([[0.01, 0.02, 1.0]]))[0], np.zeros(3)))
+    assert to_ground(problem, part)
+    np.testing.assert_allclose(part.centres, truth, atol=0.02 * truth[:, 2].mean())

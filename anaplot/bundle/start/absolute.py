@@ -6,14 +6,15 @@ import numpy as np
 
 from anaplot.aliases import Array
 from anaplot.bundle.solve.problem import Problem
-from anaplot.bundle.start.subblock import SubBlock
+from anaplot.bundle.start.subblock import SubBlock, common_similarity
 from anaplot.photogrammetry.collinearity import project, turns
 from anaplot.photogrammetry.rotation import rotation_matrix
-from anaplot.photogrammetry.similarity import Similarity, fit_to_partial, robust_similarity
+from anaplot.photogrammetry.similarity import Similarity, fit_to_partial
 
 __all__ = ["give_nominal_place", "to_ground", "to_some_ground"]
 
 _CLOSE = 1e-4  # step after which a similarity is refined: the bundle goes on
+_BETTER = 0.5  # share of what another similarity leaves off, at most: noise alone is no reason
 _TURNS = 120  # about a line of control
 _RAYS_AT_ONCE = 20_000  # turned and projected together
 
@@ -29,7 +30,7 @@ def to_ground(problem: Problem, subblock: SubBlock) -> bool:
         return False
     full = np.isfinite(target).all(axis=1)
     start: Similarity | None = None
-    found = robust_similarity(source[full], target[full])
+    found = common_similarity(source[full], target[full]) if full.any() else None
     if found is not None:
         start = found[0]
     candidates = [start] if start is not None else _level_starts(problem, subblock, source, target)
@@ -47,7 +48,8 @@ def to_ground(problem: Problem, subblock: SubBlock) -> bool:
             before = float(np.nanmedian(np.abs(start.apply(source) - target)))
             if size > 3.0 * before + 1e-9:
                 continue
-        if size < best_size:
+        # flat ground seen from below fits as well: the first, which stands upright, counts then
+        if size < _BETTER * best_size:
             best, best_size = refined, size
     if best is None:
         best = start

@@ -29,6 +29,7 @@ BRIDGING = "bridging strips"
 """What this says of its progress."""
 
 _SEVERAL = 4  # models that are oriented at once: fewer are quicker one by one
+_LONGER = 5.0  # times the base before: no photo of a strip is so far from the next one
 _TELLS_WHICH = 2  # redundancy that tells a wrong point: with 1, all test alike
 
 
@@ -122,6 +123,12 @@ class _Preceding(NamedTuple):
     rotation: tuple[float, float, float]
     points: tuple[ModelPoint, ...]
     exact: None = None
+
+
+def _goes_on(preceding: _Preceding, found: ModelSolution) -> bool:
+    """Whether a model has a base like the one before it: wrong tie points may give it any."""
+    before, base = (float(np.linalg.norm(one)) for one in (preceding.base, found.base))
+    return before < _LONGER * base and base < _LONGER * before
 
 
 class _Strips:
@@ -265,7 +272,7 @@ class _Strips:
         ways = (self._preceding(model - 1), None) if carried else (None,)
         for preceding in ways:
             solution = self._oriented(model, preceding)
-            if solution is not None:
+            if solution is not None and (preceding is None or _goes_on(preceding, solution)):
                 break
         else:
             return

@@ -15,6 +15,7 @@ from anaplot.photogrammetry.similarity import Similarity, fit_similarity, line_o
 __all__ = [
     "RESECTING",
     "SubBlock",
+    "common_similarity",
     "intersect_rays",
     "median_miss",
     "rays_of_photos",
@@ -26,6 +27,8 @@ RESECTING = "resecting photos"
 """What is said of the progress of resections."""
 
 _ALONG = 0.01  # share of the extent within which points on a line coincide
+_ALIKE = 0.1  # of their extent: by how much places of two parts may differ
+_ASTRAY = 20.0  # times as far from the middle as half of the places: no place of a part
 _ROUNDS = 6  # of weights when rays are intersected
 _PARALLEL = 1e-10  # smallest over largest eigenvalue below which rays count as parallel
 _NARROW = 1e-6  # the same, from which a solution by cofactors keeps its digits
@@ -154,7 +157,7 @@ class SubBlock:
         target = np.concatenate((self.points[points], self.centres[photos]))
         if len(source) < 3:
             return False
-        found = robust_similarity(source, target)
+        found = common_similarity(source, target)
         if found is None and hinged:
             found = _on_a_line(source, target)
         if found is None:
@@ -199,14 +202,48 @@ class SubBlock:
         return np.where(seen.depth > 0.0, size, np.where(np.isfinite(size), np.inf, np.nan))
 
 
+def common_similarity(source: Array, target: Array) -> tuple[Similarity, Bools] | None:
+    """Return the similarity on which most places of two parts agree, and those places.
+
+    None where they leave it open, or do not agree: any three of them may be laid onto each other.
+
+    Parameters
+    ----------
+    source, target
+        (n, 3) the same places in both.
+    """
+    here = _near(source) & _near(target)
+    found = robust_similarity(source[here], target[here])
+    if found is None:
+        return None
+    similarity, inliers = found
+    here[here] = inliers
+    off = np.linalg.norm(similarity.apply(source[here]) - target[here], axis=1)
+    extent = float(np.ptp(target[here], axis=0).max())
+    return (similarity, here) if float(np.median(off)) <= _ALIKE * extent else None
+
+
+def _near(places: Array) -> Bools:
+    """(n,) which of (n, 3) places lie where most of them do.
+
+    A wrong ray nearly parallel to another one leaves a point far away, off the line of the others:
+    it alone would tell how a part is turned about that line.
+    """
+    away = np.linalg.norm(places - np.median(places, axis=0), axis=1)
+    near: Bools = away <= _ASTRAY * np.median(away)
+    return near
+
+
 def _on_a_line(source: Array, target: Array) -> tuple[Similarity, Bools] | None:
     """Return a similarity of points on a line, anyhow turned about it; None where they differ."""
+    here = _near(source) & _near(target)
+    source, target = source[here], target[here]
     extent = float(np.ptp(target, axis=0).max())
     if not extent > 0.0:
         return None
     similarity = fit_similarity(source, target)
     inliers = np.linalg.norm(similarity.apply(source) - target, axis=1) < _ALONG * extent
-    return (similarity, inliers) if inliers.all() else None
+    return (similarity, here) if inliers.all() else None
 
 
 def unit_rays(problem: Problem) -> Array:
