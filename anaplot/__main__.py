@@ -3,7 +3,6 @@
 import gc
 import sys
 
-from anaplot.freedmemory import keep_freed_memory
 from anaplot.ondemand import load_on_demand
 
 _NEW_OBJECTS = 100_000  # that are there before Python looks for circles among them
@@ -14,7 +13,6 @@ def main() -> int:
     # a block is rows by the hundred thousand, none of them in a circle: looking through them again
     # and again took a tenth of adjust, and a fifth of import
     gc.set_threshold(_NEW_OBJECTS)
-    keep_freed_memory()
     load_on_demand()
     try:
         from anaplot.cli import main as command_line

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 from anaplot.errors import NotComputableError
 from anaplot.exchange.blockfolder import read_block
+from anaplot.freedmemory import keep_freed_memory
 from anaplot.photogrammetry.block import Block
 from anaplot.report.computed import Computed
 from anaplot.report.interrupts import EndingEarly, TimeLimit
@@ -123,6 +124,8 @@ def _result(compute: Callable[..., Computed[T]], keywords: dict[str, Any]) -> T:
 def computed(options: argparse.Namespace, compute: Callable[..., Computed[T]]) -> Computed[T]:
     """Return what a command computes; its progress is shown, and an interrupt ends a search.
 
+    Memory that is freed on the way is kept for what comes: see `freedmemory`.
+
     Parameters
     ----------
     options
@@ -137,6 +140,7 @@ def computed(options: argparse.Namespace, compute: Callable[..., Computed[T]]) -
     KeyboardInterrupt
         With how far it came.
     """
+    keep_freed_memory()
     limit = TimeLimit(getattr(options, "time_limit", None))
     with ProgressLine(sys.stderr) as line:
         line("reading", 0.0)
