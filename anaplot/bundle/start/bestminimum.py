@@ -149,7 +149,7 @@ def best_minimum(
             # what misses by far cannot fit better
             continue
         wait = new and (bool(ways) or bool(waiting))
-        if known is not None and foreseen_torn(problem, structure, known):
+        if known is not None and known.grounded and foreseen_torn(problem, structure, known):
             # gross errors alone keep it from fitting: what least squares make of them means nothing
             tried = known
             continue
@@ -199,7 +199,7 @@ def best_minimum(
             if found is not None and fits(problem, found):
                 break
         if problem.datum == "control" and (
-            solution is None or solution.control_off > 0 or not solution.explains(problem)
+            solution is None or not solution.grounded or not solution.explains(problem)
         ):
             laid = from_free_network(problem, start, progress)
             if laid is not None:
@@ -214,7 +214,7 @@ def best_minimum(
                     break
         # gross errors explain it: other ways lead to the same, unless this one missed the ground
         explained = solution is not None and solution.explains(problem)
-        missed = best is None and solution is not None and solution.control_off > 0
+        missed = best is None and solution is not None and not solution.grounded
         if explained and not missed:
             break
         if solution is not None and solution.orients(problem):

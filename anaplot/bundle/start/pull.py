@@ -80,11 +80,12 @@ def _full(
 
 
 def foreseen_torn(problem: Problem, structure: Structure, solution: RobustState) -> bool:
-    """Whether the orientations are right, and gross errors tear every minimum near them."""
-    return (
-        solution.control_off == 0
-        and solution.orients(problem)
-        and torn(problem, _foreseen(problem, structure, solution.state), solution)
+    """Whether the orientations are right, and gross errors tear every minimum near them.
+
+    In themselves: where control is off, the block may lie on the ground wrongly.
+    """
+    return solution.orients(problem) and torn(
+        problem, _foreseen(problem, structure, solution.state), solution
     )
 
 

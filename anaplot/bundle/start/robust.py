@@ -324,6 +324,9 @@ class RobustState(NamedTuple):
         The largest share of a photo's rays that are off.
     settled
         Whether more such steps would hardly move anything.
+    beside
+        Whether most rays of most control points are off: control has drawn its points along, and
+        the block lies elsewhere.
     """
 
     state: BlockState
@@ -332,6 +335,12 @@ class RobustState(NamedTuple):
     control_off: int
     most_off: float
     settled: bool = False
+    beside: bool = False
+
+    @property
+    def grounded(self) -> bool:
+        """Whether no control is off, and the block lies on it."""
+        return self.control_off == 0 and not self.beside
 
     def explains(self, problem: Problem) -> bool:
         """Whether all but a few of the rays fit: what is off is wrong, not the orientations.
@@ -421,13 +430,18 @@ def robust_state(
     image, control, *_ = _misfits(problem, held, state)
     off = control > OFF * np.nan_to_num(np.nanmax(np.where(held, least, 0.0), axis=1))
     rays_off = image > OFF * problem.sigma
+    contradict = np.bincount(problem.point[rays_off], minlength=len(off))
+    rays = np.bincount(problem.point, minlength=len(off))
+    contradicted = contradict > np.maximum(rays // 2, 1)
+    known = held.any(axis=1)
     return RobustState(
         _with_fixed(problem, state),
         float(np.median(image)),
         int(rays_off.sum()),
-        int((off & held.any(axis=1)).sum()),
+        int((off & known).sum()),
         float(np.max(np.bincount(problem.photo, rays_off) / np.bincount(problem.photo))),
         settled or of_some,
+        2 * int((contradicted & known).sum()) > int(known.sum()),
     )
 
 
