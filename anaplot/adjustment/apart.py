@@ -98,7 +98,7 @@ class RowsGiven(Protocol):
     def back(self, row: int) -> float | None:
         """Return that of one row, with what places do to each other.
 
-        None of a row that was in where all is seen from.
+        None of a row that was in where all is seen from, or where it is not found.
         """
         ...
 

@@ -203,8 +203,8 @@ def _held(
             0,
             None,
             None,
-            float(given.e[row]),
-            float(given.r[row] ** -0.5),
+            float(given.e[row]) if given.r[row] > 0.0 else None,
+            float(given.r[row] ** -0.5) if given.r[row] > 0.0 else None,
             r=float(r[row]),
         )
         for row in left_out

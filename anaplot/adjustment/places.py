@@ -19,10 +19,19 @@ from anaplot.adjustment.residualsystem import DenseResiduals
 from anaplot.adjustment.significance import TESTABLE
 from anaplot.aliases import Array, Bools, Index
 
-__all__ = ["Place", "Places", "inverse_among", "nothing_better", "plainly_rejected", "reach_of"]
+__all__ = [
+    "Place",
+    "Places",
+    "inverse_among",
+    "nothing_better",
+    "plainly_rejected",
+    "reach_of",
+    "seen_without",
+]
 
 
 _SEPARATE = 1e-6  # of their redundancy numbers that two rows leave of each other
+_UNCHECKED = 1e-12  # of R, whose eigenvalues are between 0 and 1: nothing checks that
 
 
 class Place(NamedTuple):
@@ -94,7 +103,7 @@ class Places(NamedTuple):
             return self
         gone, whole = gone[some], self.matrix[some]
         e, matrix, vtpv = self.e.copy(), self.matrix.copy(), self.vtpv.copy()
-        inverse = inverse_among(whole, gone)
+        inverse, _ = seen_without(whole, gone)
         taken = np.einsum("cij,cj->ci", inverse, np.where(gone, e[some], 0.0))
         vtpv[some] -= np.einsum("ci,ci->c", taken, e[some])
         e[some] -= np.einsum("cij,cj->ci", whole, taken)
@@ -218,10 +227,49 @@ def _stay_out(places: Places, live: Index, out: Bools, critical: float) -> Bools
 
 
 def inverse_among(matrix: Array, chosen: Bools) -> Array:
-    """Return (c, k, k) inverses of the parts of matrices that belong to chosen rows, else zeros."""
+    """Return (c, k, k) inverses of the parts of matrices that belong to chosen rows, else zeros.
+
+    Raises
+    ------
+    LinAlgError
+        One is singular.
+    """
     both = chosen[:, :, None] & chosen[:, None, :]
     part = np.where(both, matrix, 0.0) + np.eye(matrix.shape[1]) * ~chosen[:, None, :]
     return np.where(both, np.linalg.inv(part), 0.0)
+
+
+def seen_without(matrix: Array, gone: Bools) -> tuple[Array, Array]:
+    """Return what rows that are out leave of c places, and what checks each when it comes back.
+
+    Parameters
+    ----------
+    matrix
+        (c, k, k) R with all rows in.
+    gone
+        (c, k) what is out.
+
+    Returns
+    -------
+    tuple
+        (c, k, k) inverses of their parts of R, else zeros; what nothing checks, which moves nothing
+        either, counts for nothing in them. (c, k) redundancy numbers, of rows that are in 1.
+    """
+    try:
+        inverse = inverse_among(matrix, gone)
+        own = np.where(gone, np.einsum("cii->ci", inverse), 1.0)
+        checked = own > 0.0
+    except np.linalg.LinAlgError:
+        both = gone[:, :, None] & gone[:, None, :]
+        size, along = np.linalg.eigh(np.where(both, matrix, 0.0))
+        good = (size > _UNCHECKED)[:, None, :]
+        inverse = (along * np.where(good, 1.0 / np.where(good, size[:, None], 1.0), 0.0)) @ (
+            along.transpose(0, 2, 1)
+        )
+        own = np.where(gone, np.einsum("cii->ci", inverse), 1.0)
+        unchecked = np.sum(np.where(good, 0.0, along**2), axis=2)
+        checked = (own > 0.0) & ((unchecked <= _UNCHECKED) | ~gone)
+    return inverse, np.where(checked, 1.0 / np.where(checked, own, 1.0), 0.0)
 
 
 def nothing_better(system: DenseResiduals, rows: Sequence[int], critical: float) -> bool:

@@ -10,7 +10,13 @@ from scipy.sparse import csr_array
 
 from anaplot.adjustment.doubts import Doubts, Touching
 from anaplot.adjustment.elimination import Elimination
-from anaplot.adjustment.places import Places, inverse_among, nothing_better, plainly_rejected
+from anaplot.adjustment.places import (
+    Places,
+    inverse_among,
+    nothing_better,
+    plainly_rejected,
+    seen_without,
+)
 from anaplot.adjustment.significance import critical_normal
 from anaplot.adjustment.stepwise import rule_of, step_by_step
 from anaplot.adjustment.watch import Watch
@@ -148,3 +154,27 @@ def test_doubts_are_the_bounds_of_larger_places_that_share_a_photo() -> None:
             assert mine > 0.1
             assert top[i] - CRITICAL <= mine
     assert 5 < blocks[top > 0.0].sum() < k
+
+
+def test_rows_that_nothing_checks_leave_the_others_as_they_are() -> None:
+    places = places_of(2)
+    matrix, e = places.matrix.copy(), places.e.copy()
+    # row 3 alone has an unknown of its own, rows 3 and 5 are out
+    matrix[:, 3], matrix[:, :, 3], e[:, 3] = 0.0, 0.0, 0.0
+    gone = np.zeros(e.shape, dtype=bool)
+    gone[:, [3, 5]] = True
+    with pytest.raises(np.linalg.LinAlgError):
+        inverse_among(matrix, gone)
+    inverse, r = seen_without(matrix, gone)
+    assert np.all(r[:, 3] == 0.0)
+    assert r[:, 5] == pytest.approx(matrix[:, 5, 5], rel=1e-9)
+    assert inverse[:, 5, 5] == pytest.approx(1.0 / matrix[:, 5, 5], rel=1e-9)
+    out = np.zeros(len(places.names), dtype=bool)
+    out[places.rows[:, [3, 5]]] = True
+    one = out.copy()
+    one[places.rows[:, 3]] = False
+    there = places._replace(matrix=matrix, e=e)
+    without, same = there.without(out), there.without(one)
+    assert without.matrix == pytest.approx(same.matrix, abs=1e-12)
+    assert without.e == pytest.approx(same.e, abs=1e-9)
+    assert without.vtpv == pytest.approx(same.vtpv, rel=1e-12)

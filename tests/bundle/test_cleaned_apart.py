@@ -16,13 +16,14 @@ from anaplot.adjustment.stepwise import rule_of, step_by_step
 from anaplot.adjustment.tested import error_odds
 from anaplot.adjustment.watch import Watch
 from anaplot.bundle.adjust import adjust_bundle
-from anaplot.bundle.errors import basis, blockrows
+from anaplot.bundle.errors import basis, blockrows, laterresiduals, rowcoupling
 from anaplot.bundle.errors.grosserrors import block_gross_errors
 from anaplot.bundle.errors.laterresiduals import LaterResiduals
 from anaplot.bundle.errors.leftout import without
 from anaplot.bundle.errors.parted import BlockParts
 from anaplot.bundle.solve.additional import additional_parameters
 from anaplot.bundle.solve.gaussnewton import NoConvergenceError, equations_at, find_minimum
+from anaplot.bundle.solve.normal import PointError
 from anaplot.bundle.solve.problem import make_problem
 from anaplot.bundle.solve.reliability import compute_cofactors
 from anaplot.bundle.solve.residuals import block_residuals
@@ -500,3 +501,41 @@ def test_what_a_firm_start_leaves_open_is_not_sought_by_damping() -> None:
         find_minimum(open_photo, state, structure)
     firm = find_minimum(problem, state, structure, firm=True)
     assert firm.convergence == find_minimum(problem, state, structure).convergence
+
+
+def test_what_is_not_found_by_steps_is_adjusted_anew(monkeypatch) -> None:
+    system, block, structure = system_of(scenes()["tilted"])
+    rows = np.flatnonzero(system.r > 0.5)[::9][:6].tolist()
+    exact = BlockParts(system, block.state, structure).adjusted(rows)
+    monkeypatch.setattr(rowcoupling, "_STEPS", 2)
+    parts = BlockParts(system, block.state, structure)
+    draft = parts.drafted(rows)
+    assert draft.exact
+    np.testing.assert_array_equal(draft.e, exact.e)
+    np.testing.assert_array_equal(draft.r, exact.r)
+    assert draft.vtpv == exact.vtpv
+
+
+def test_rows_without_which_a_point_is_open_are_one_line() -> None:
+    system, block, structure = system_of(scenes()["tilted"])
+    problem = system.problem
+    counts = np.bincount(problem.point)
+    counts[system.rows.ground[:, 1]] = 0
+    point = int(np.flatnonzero(counts == 2)[0])
+    rays = np.flatnonzero(problem.point == point)
+    out = sorted([2 * int(rays[0]), 2 * int(rays[0]) + 1])
+    parts = BlockParts(system, block.state, structure)
+    with pytest.raises(NotComputableError, match=f"points {problem.points[point]}: their"):
+        parts.adjusted(out)
+
+
+def test_all_rows_that_leave_something_open_are_one_line(monkeypatch) -> None:
+    system, block, structure = system_of(scenes()["tilted"])
+
+    def refused(*_: object, **__: object) -> None:
+        raise PointError(np.array([4]))
+
+    monkeypatch.setattr(laterresiduals, "block_residuals", refused)
+    later = LaterResiduals(system.problem, block.state, structure)
+    with pytest.raises(NotComputableError, match=f"points {system.problem.points[4]}: their rays"):
+        _ = later.e

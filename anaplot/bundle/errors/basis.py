@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from anaplot.adjustment.places import inverse_among, reach_of
+from anaplot.adjustment.places import inverse_among, reach_of, seen_without
 from anaplot.aliases import Array, Bools, Index
 from anaplot.bundle.errors.laterresiduals import AllRows
 from anaplot.bundle.solve.linearised import effect
@@ -170,8 +170,8 @@ class Basis:
         )
         for laid in self.laid(np.unique(self.places_of(out))):
             gone = self.gone[laid.rows]
-            error = np.einsum("cii->ci", inverse_among(laid.matrix, gone))
-            r[laid.rows[gone]] = 1.0 / error[gone]
+            _, back = seen_without(laid.matrix, gone)
+            r[laid.rows[gone]] = back[gone]
         return np.asarray(r)
 
     def _laid_out(self, numbers: Index) -> Iterator[Laid]:

@@ -12,12 +12,12 @@ from anaplot.adjustment.cleaning import SolvedWithout
 from anaplot.adjustment.scale import AprioriSigma
 from anaplot.adjustment.watch import Watch
 from anaplot.aliases import Array, Bools
-from anaplot.bundle.errors.laterresiduals import AllRows, LaterResiduals
+from anaplot.bundle.errors.laterresiduals import AllRows, LaterResiduals, left_open
 from anaplot.bundle.errors.leftout import without
 from anaplot.bundle.errors.parted import BlockParts, can_be_parted
 from anaplot.bundle.errors.snooping import model_values
 from anaplot.bundle.solve.adjusted import AdjustedBlock
-from anaplot.bundle.solve.datum import anchor, check_datum
+from anaplot.bundle.solve.datum import check_datum
 from anaplot.bundle.solve.factor import NotPositiveError
 from anaplot.bundle.solve.gaussnewton import (
     Convergence,
@@ -27,10 +27,8 @@ from anaplot.bundle.solve.gaussnewton import (
     find_minimum,
 )
 from anaplot.bundle.solve.imaging import BlockState
-from anaplot.bundle.solve.linearised import linearise
 from anaplot.bundle.solve.normal import PointError
 from anaplot.bundle.solve.observations import ObservationName, Observations
-from anaplot.bundle.solve.openmovement import undetermined
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.reliability import Cofactors, compute_cofactors
 from anaplot.bundle.solve.residuals import block_residuals, residuals_at
@@ -141,7 +139,7 @@ class BlockRows:
                 lambda fraction: self._watch(label, fraction),
             )
         except (PointError, NotPositiveError) as error:
-            raise self._open(self.problem, at.state, error) from error
+            raise left_open(self.problem, self.structure, at.state, error) from error
         return self._told(system)
 
     def _told(self, system: AllRows) -> AllRows:
@@ -205,9 +203,3 @@ class BlockRows:
     def _minimum(self, problem: Problem, state: BlockState) -> Minimum:
         check_datum(problem, state)
         return find_minimum(problem, state, self.structure, firm=True, progress=self._watch)
-
-    def _open(
-        self, problem: Problem, state: BlockState, error: PointError | NotPositiveError
-    ) -> NotComputableError:
-        tie = anchor(problem, state) if problem.defect else None
-        return undetermined(problem, self.structure, linearise(problem, state), tie, error)

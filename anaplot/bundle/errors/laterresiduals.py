@@ -12,14 +12,30 @@ from scipy.sparse import csr_array
 
 from anaplot.adjustment.residualsystem import WeightedAdjustments
 from anaplot.aliases import Array, Index
+from anaplot.bundle.solve.datum import anchor
+from anaplot.bundle.solve.factor import NotPositiveError
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.linearised import linearise
+from anaplot.bundle.solve.normal import PointError
 from anaplot.bundle.solve.observations import ObservationName, observations_at
+from anaplot.bundle.solve.openmovement import undetermined
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.residuals import BlockResiduals, block_residuals
 from anaplot.bundle.solve.structure import Structure
+from anaplot.errors import NotComputableError
 
-__all__ = ["AllRows", "LaterResiduals"]
+__all__ = ["AllRows", "LaterResiduals", "left_open"]
+
+
+def left_open(
+    problem: Problem,
+    structure: Structure,
+    state: BlockState,
+    error: PointError | NotPositiveError,
+) -> NotComputableError:
+    """Return the error that names what a bundle leaves open at a place; see `undetermined`."""
+    tie = anchor(problem, state) if problem.defect else None
+    return undetermined(problem, structure, linearise(problem, state), tie, error)
 
 
 class LaterResiduals:
@@ -42,10 +58,14 @@ class LaterResiduals:
 
         Raises
         ------
-        PointError, NotPositiveError
+        NotComputableError
             Not all unknowns are determined there.
         """
-        return block_residuals(self.problem, self._state, self._structure, linear=self.linear)
+        problem, state, structure = self.problem, self._state, self._structure
+        try:
+            return block_residuals(problem, state, structure, linear=self.linear)
+        except (PointError, NotPositiveError) as error:
+            raise left_open(problem, structure, state, error) from error
 
     @property
     def names(self) -> Sequence[ObservationName]:

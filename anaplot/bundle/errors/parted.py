@@ -18,16 +18,17 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from anaplot.adjustment.doubts import Touching
-from anaplot.adjustment.places import Places, inverse_among
+from anaplot.adjustment.places import Places, inverse_among, seen_without
 from anaplot.aliases import Array, Index
 from anaplot.bundle.errors.basis import Basis
-from anaplot.bundle.errors.laterresiduals import AllRows
+from anaplot.bundle.errors.laterresiduals import AllRows, left_open
 from anaplot.bundle.errors.leftout import rows_missing, without
-from anaplot.bundle.errors.rowcoupling import RowCoupling
+from anaplot.bundle.errors.rowcoupling import NotSolvedError, RowCoupling
 from anaplot.bundle.solve.datum import anchor
+from anaplot.bundle.solve.factor import NotPositiveError
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.linearised import linearise
-from anaplot.bundle.solve.normal import NormalEquations
+from anaplot.bundle.solve.normal import NormalEquations, PointError
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.reliability import Cofactors, compute_cofactors
 from anaplot.bundle.solve.structure import Structure
@@ -89,7 +90,7 @@ class BlockParts:
 
         Raises
         ------
-        PointError, NotPositiveError
+        NotComputableError
             Not all unknowns are determined without them.
         """
         rows = np.array(out, dtype=np.intp)
@@ -99,8 +100,19 @@ class BlockParts:
         return BlockWithout(basis, rows)
 
     def drafted(self, out: Sequence[int]) -> BlockWithout:
-        """Return all rows: misclosures as `adjusted`, redundancy numbers by the place alone."""
-        return BlockWithout(self._basis, np.array(out, dtype=np.intp))
+        """Return all rows: misclosures as `adjusted`, redundancy numbers by the place alone.
+
+        Where what changes cannot be found from what is adjusted already, it is adjusted anew.
+
+        Raises
+        ------
+        NotComputableError
+            Not all unknowns are determined without them.
+        """
+        try:
+            return BlockWithout(self._basis, np.array(out, dtype=np.intp))
+        except (NotSolvedError, np.linalg.LinAlgError):
+            return self.adjusted(out)
 
     def _adjusted(self, out: Sequence[int]) -> Basis:
         self._last = None  # as large as the block
@@ -108,8 +120,11 @@ class BlockParts:
             problem = without(self._system.rows, frozenset(out))
             weights = anchor(problem, self._state).weights if problem.defect else None
             linear = linearise(problem, self._state)
-            normal = NormalEquations(problem, self._structure, linear, 0.0, weights)
-            cofactors = compute_cofactors(normal, normal.factor())
+            try:
+                normal = NormalEquations(problem, self._structure, linear, 0.0, weights)
+                cofactors = compute_cofactors(normal, normal.factor())
+            except (PointError, NotPositiveError) as error:
+                raise left_open(problem, self._structure, self._state, error) from error
         else:
             cofactors = self._system.whole.cofactors
         self._last = Basis(self._system, cofactors, np.array(out, dtype=np.intp))
@@ -146,11 +161,10 @@ class BlockWithout:
         for laid in basis.laid(np.unique(self.places_of(changed))):
             rows, matrix = laid.rows, laid.matrix
             gone, mine = self._gone[rows], others[rows]
-            inverse = inverse_among(matrix, gone)
+            inverse, back = seen_without(matrix, gone)
             taken = np.einsum("cij,cij->ci", matrix @ inverse, matrix)
-            error = np.where(gone, np.einsum("cii->ci", inverse), 1.0)
             left = np.maximum(np.einsum("cii->ci", matrix) - taken, 0.0)
-            self.r[rows] = np.where(gone, 1.0 / error, left)
+            self.r[rows] = np.where(gone, back, left)
             sign = np.where(gone, -1.0, 1.0)
             inverse = inverse_among(
                 basis.without_own(laid) + sign[:, :, None] * np.eye(rows.shape[1]), mine
@@ -175,11 +189,17 @@ class BlockWithout:
         return not len(self._changed)
 
     def back(self, row: int) -> float | None:
-        """Return the redundancy number of a row that has come in, with what places do to others."""
+        """Return the redundancy number of a row that has come in, with what places do to others.
+
+        None also where it is not found.
+        """
         unit = (self._changed == row).astype(float)
         if not unit @ self._basis.gone[self._changed]:
             return None
-        return float(self._coupling.solved(self._sign, unit, self._nearly) @ unit)
+        try:
+            return float(self._coupling.solved(self._sign, unit, self._nearly) @ unit)
+        except NotSolvedError:
+            return None
 
     def places_of(self, rows: Index) -> Index:
         """Return (k,) the places of rows: points, then photos; -1: none."""

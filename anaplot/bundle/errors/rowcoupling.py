@@ -10,10 +10,16 @@ from anaplot.bundle.errors.laterresiduals import AllRows
 from anaplot.bundle.solve.linearised import effect
 from anaplot.bundle.solve.reliability import Cofactors
 
-__all__ = ["RowCoupling"]
+__all__ = ["NotSolvedError", "RowCoupling"]
 
 _STEPS = 300
 _SOLVED = 1e-13  # of the length of the right-hand side
+_TAKEN = 1e-11  # what may be left of it where rounding, or too many steps, end it
+_NOTHING_NEW = 1e-14  # of a product, that is left of it beside those before
+
+
+class NotSolvedError(ArithmeticError):
+    """What comes in and goes is not found by steps: places touch too much, or nothing checks it."""
 
 
 class RowCoupling:
@@ -111,6 +117,11 @@ class RowCoupling:
             (k,).
         nearly
             (k, k) inverses of parts of S + G_DD that hardly touch.
+
+        Raises
+        ------
+        NotSolvedError
+            It is singular, or takes too many steps.
         """
         size = float(np.linalg.norm(right))
         if size == 0.0:
@@ -119,6 +130,7 @@ class RowCoupling:
         for step in range(_STEPS):
             of = nearly @ along[step]
             new = sign * of + self.times(of)
+            whole = float(np.linalg.norm(new))
             for _ in range(2):  # twice is enough for rounding
                 for k, one in enumerate(along):
                     share = float(one @ new)
@@ -129,9 +141,12 @@ class RowCoupling:
             goal = np.zeros(step + 2)
             goal[0] = size
             found = np.linalg.lstsq(system, goal)[0]
-            if np.linalg.norm(system @ found - goal) <= _SOLVED * size or length == 0.0:
+            left = float(np.linalg.norm(system @ found - goal)) / size
+            if left <= _SOLVED or length <= _NOTHING_NEW * whole:
                 break
             along.append(new / length)
+        if not left <= _TAKEN:
+            raise NotSolvedError(f"{len(right)} rows: {left:.0e} is left after {step + 1} steps")
         z: Array = nearly @ (np.array(along[: len(found)]).T @ found)
         return z
 
