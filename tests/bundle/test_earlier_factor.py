@@ -12,9 +12,16 @@ from gnssblocks import flown
 
 from anaplot.bundle.solve import gaussnewton
 from anaplot.bundle.solve.additional import additional_parameters
-from anaplot.bundle.solve.gaussnewton import Minimum, NoConvergenceError, find_minimum
+from anaplot.bundle.solve.gaussnewton import (
+    Minimum,
+    NoConvergenceError,
+    _nearer,
+    _Place,
+    damped_step,
+    find_minimum,
+)
 from anaplot.bundle.solve.imaging import BlockState
-from anaplot.bundle.solve.linearised import rounding
+from anaplot.bundle.solve.linearised import linearise, rounding
 from anaplot.bundle.solve.normal import NormalEquations
 from anaplot.bundle.solve.problem import Problem, make_problem
 from anaplot.bundle.solve.reliability import compute_cofactors
@@ -120,6 +127,24 @@ def test_a_point_that_hardly_weighs_is_at_its_minimum_too(
     assert left <= max(1e-13 * problem.observations, noise)
     # no unknown is off by more than the root of it, of its own standard deviation
     assert left <= 1e-12 * problem.observations
+
+
+@pytest.mark.parametrize("away", [False, True])
+def test_what_is_too_little_to_be_made_less_is_no_reason_to_go_on(away: bool) -> None:
+    """Where rounding is all that is left, an earlier factor does not lead nearer, and need not."""
+    problem, start = case_of("control")
+    structure = make_structure(problem, start.centres)
+    there = find_minimum(problem, start, structure).state
+    state = start if away else there
+    linear = linearise(problem, state)
+    step = damped_step(problem, structure, linear, 0.0, None, None)
+    assert step is not None
+    place = _Place(state, linear, linear.vtpv, 0)
+    # a step before this one that changed as little: nothing has been gained
+    ended, steps, settled = _nearer(problem, step, place, 0, None)
+    assert ended is place
+    assert steps == 0
+    assert settled is not away
 
 
 def test_steps_with_an_earlier_factor_are_told_and_counted(monkeypatch) -> None:

@@ -224,10 +224,14 @@ def find_minimum(
                 )
                 accepted, again = accepted + steps, again + steps
         if settled:
+            known = None if by_full or problem.defect else linear
             del step, linear  # their memory, before there are others
             if problem.defect:
                 state = rescaled(problem, relocate(problem, start, state))
-            found = _closed(problem, structure, state, accepted, damped, first)
+            equations = equations_at(problem, structure, state, known)
+            last = equations[0].linear.vtpv
+            found = Minimum(state, *equations, Convergence(accepted, damped, first, last))
+            del equations, known
             if by_full:
                 return found
             # a point that hardly weighs hides its slow steps from an earlier factor, not from this
@@ -276,7 +280,8 @@ def _nearer(
         dx = step.normal.solution(step.factor, sides)
         before, change = change, _change(sides, dx)
         if not change <= _NEARER * before:
-            break
+            # what is left may be too little to be made less
+            return place, steps, change <= _LEFT * problem.observations
         noise = rounding(problem, state, linear.depth)
         trial = rescaled(problem, move(problem, state, *dx))
         there = linearise(problem, trial)
@@ -363,23 +368,8 @@ def _change(sides: Unknowns, dx: Unknowns) -> float:
     return sum(float(np.vdot(side, of)) for side, of in zip(sides, dx, strict=True))
 
 
-def _closed(
-    problem: Problem,
-    structure: Structure,
-    state: BlockState,
-    accepted: int,
-    damped: int,
-    first: float,
-) -> Minimum:
-    """Equations at the minimum, without damping."""
-    normal, factor, tie = equations_at(problem, structure, state)
-    return Minimum(
-        state, normal, factor, tie, Convergence(accepted, damped, first, normal.linear.vtpv)
-    )
-
-
 def equations_at(
-    problem: Problem, structure: Structure, state: BlockState
+    problem: Problem, structure: Structure, state: BlockState, linear: Linearised | None = None
 ) -> tuple[NormalEquations, Factor, Anchor | None]:
     """Return the equations at a state, their factor, and what holds a datum that is missing.
 
@@ -387,6 +377,8 @@ def equations_at(
     ----------
     problem, structure, state
         The bundle, the structure of its normal equations, and where it is linearised.
+    linear
+        The bundle linearised there, where it is already.
 
     Raises
     ------
@@ -394,7 +386,9 @@ def equations_at(
         The observations leave something open there.
     """
     tie = anchor(problem, state) if problem.defect else None
-    normal, factor = _determined(problem, structure, linearise(problem, state), tie)
+    if linear is None:
+        linear = linearise(problem, state)
+    normal, factor = _determined(problem, structure, linear, tie)
     normal.offset_update(factor)
     return normal, factor, tie
 
