@@ -109,6 +109,7 @@ def reweight(
     method: Literal["huber", "danish"],
     suspects: Bools,
     watch: Watch | None = None,
+    begin: Array | None = None,
 ) -> Reweighting:
     """Iterate weights and adjustment until the weights stand still.
 
@@ -123,11 +124,18 @@ def reweight(
         (n,) rows whose weights may fall.
     watch
         Told how far it is; where it asks for the end, the last weights are returned.
+    begin
+        (n,) weights to begin with; None: ones.
     """
     seen = Watch() if watch is None else watch
     adjusted = weighted_adjustments(system)
     v = np.array(system.e, dtype=float)
     weights = np.ones(len(v))
+    powers: tuple[float, ...] = _DANISH_POWERS
+    if begin is not None:
+        # what is far off has hardly any say already, as after the first iterations
+        weights = np.where(suspects, np.maximum(begin, _SMALLEST_WEIGHT), 1.0)
+        v, powers = adjusted(weights), powers[1:]
     changes: list[float] = []
     sums = [float(v @ v)]
     for iteration in range(_MOST_ITERATIONS):
@@ -135,7 +143,7 @@ def reweight(
         if method == "huber":
             new = np.minimum(1.0, HUBER_LIMIT / np.maximum(size, HUBER_LIMIT))
         else:
-            power = _DANISH_POWERS[0 if iteration < 3 else 1]
+            power = powers[0 if iteration < 3 else -1]
             with np.errstate(over="ignore", under="ignore"):
                 fallen = np.exp(-_DANISH_FACTOR * np.minimum(size, 1e3) ** power)
             new = np.where(size > DANISH_LIMIT, fallen, 1.0)

@@ -116,6 +116,7 @@ def find_gross_errors(
     watch: Watch | None = None,
     weigh: bool = True,
     apart: Apart | None = None,
+    near: Collection[int] | None = None,
 ) -> Findings:
     """Search for gross errors in an adjustment.
 
@@ -145,6 +146,9 @@ def find_gross_errors(
     apart
         How rows that do not touch are cleaned apart, by the strategies that can (`APART`); None:
         as one.
+    near
+        What "danish" rejected where the rows were linearised near by: they have no weight to begin
+        with. Empty: begin with the weights of "huber"; None: with ones.
 
     Raises
     ------
@@ -178,7 +182,7 @@ def find_gross_errors(
     elif strategy == "odds":
         end, weighed = _by_odds(task)
     elif strategy in ("huber", "danish"):
-        end = _robust(task, "huber" if strategy == "huber" else "danish")
+        end = _robust(task, "huber" if strategy == "huber" else "danish", near)
     elif strategy == "modified":
         if models is None:
             raise ValueError("modified snooping needs model values of sqrt(q_vv) for the rows")
@@ -434,9 +438,15 @@ def _go_on(task: _Task, size: Array) -> tuple[Elimination, list[SearchStep]]:
     return task.stepwise(rule_of("l1", task.alpha), state, steps)
 
 
-def _robust(task: _Task, method: Literal["huber", "danish"]) -> _End:
+def _robust(task: _Task, method: Literal["huber", "danish"], near: Collection[int] | None) -> _End:
     state = Elimination(task.system)
-    robust = reweight(task.system, method, task.suspects, task.watch)
+    begin: Array | None = None
+    if method == "danish" and near:
+        begin = np.ones(len(task.system.e))
+        begin[list(near)] = 0.0
+    elif method == "danish" and near is not None:
+        begin = reweight(task.system, "huber", task.suspects, task.watch).weights
+    robust = reweight(task.system, method, task.suspects, task.watch, begin)
     rows = tuple(np.flatnonzero(robust.weights < 1.0).tolist())
     steps = [
         SearchStep("reweight", rows, change, SETTLED, robust.sums[k], robust.sums[k + 1])
