@@ -12,11 +12,13 @@ from startkinds import drone, measured, with_mismatches
 from anaplot.bundle.adjust import adjust_problem
 from anaplot.bundle.errors.misfits import minimum_without_misfits
 from anaplot.bundle.solve import somepoints
+from anaplot.bundle.solve.gaussnewton import Step, damped_step
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.linearised import linearise
 from anaplot.bundle.solve.problem import Problem, make_problem
 from anaplot.bundle.solve.somepoints import of_points, some_points
 from anaplot.bundle.solve.structure import make_structure
+from anaplot.bundle.start import robust
 from anaplot.bundle.start.bysomepoints import oriented_by_some
 from anaplot.bundle.start.robust import far_off, robust_state
 
@@ -54,6 +56,21 @@ def test_every_photo_keeps_enough_rays_and_everything_known() -> None:
     assert (kept >= np.minimum(rays, 15)).all()
     assert kept.sum() < rays.sum() / 2
     assert chosen[np.isfinite(problem.known).any(axis=1)].all()
+
+
+@pytest.mark.usefixtures("few")
+def test_rays_without_weight_are_not_counted() -> None:
+    problem = make_problem(scene().block)
+    rng = np.random.default_rng(3)
+    of_one = problem.photo == 3
+    rejected = np.repeat((rng.random(len(of_one)) < np.where(of_one, 0.9, 0.2))[:, None], 2, axis=1)
+    counts = ~rejected[:, 0]
+    chosen = some_points(replace(problem, rejected=rejected))
+    assert chosen is not None
+    rays = np.bincount(problem.photo[counts])
+    kept = np.bincount(problem.photo[counts & chosen[problem.point]], minlength=len(rays))
+    assert (kept >= np.minimum(rays, 15)).all()
+    assert kept[3] < rays[3]
 
 
 def test_some_points_have_the_rows_that_they_had_among_all() -> None:
@@ -96,6 +113,33 @@ def test_some_points_lead_where_all_of_them_lead() -> None:
     there = far_off(problem, structure, every.state)
     np.testing.assert_array_equal(here.rays, there.rays)
     assert here.rays.any()
+
+
+@pytest.mark.usefixtures("few")
+def test_a_state_has_settled_only_where_a_step_with_all_points_was_taken(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    made = scene(mismatches=0.01)
+    problem = make_problem(made.block)
+    start = rough(made, problem)
+    structure = make_structure(problem, start.centres)
+    by_some = oriented_by_some(problem, start)
+    assert by_some is not None
+    asked: list[float] = []
+
+    def refused(*given: object) -> Step | None:
+        asked.append(given[3])
+        return None if len(asked) < 3 else damped_step(*given)
+
+    monkeypatch.setattr(robust, "damped_step", refused)
+    # what cannot be solved at first is damped more, as from any other start
+    assert robust_state(problem, structure, by_some, of_some=True).settled
+    assert len(asked) == 3
+    assert asked == sorted(set(asked))
+    monkeypatch.setattr(robust, "damped_step", lambda *_: None)
+    unmoved = robust_state(problem, structure, by_some, of_some=True)
+    assert not unmoved.settled
+    np.testing.assert_array_equal(unmoved.state.centres, by_some.centres)
 
 
 @pytest.mark.usefixtures("few")

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from startkinds import KINDS, looking_in, measured
+from startkinds import KINDS, looking_in, measured, with_mismatches
 
 from anaplot.bundle.adjust import adjust_problem
 from anaplot.bundle.solve.gaussnewton import NoConvergenceError, find_minimum
@@ -12,7 +15,7 @@ from anaplot.bundle.solve.linearised import objective
 from anaplot.bundle.solve.problem import Problem, make_problem
 from anaplot.bundle.solve.structure import make_structure
 from anaplot.bundle.start import subblock, vertical
-from anaplot.bundle.start.approximate import approximate_ways, doubtful
+from anaplot.bundle.start.approximate import approximate_ways, doubtful, state_of
 from anaplot.bundle.start.resection import resect
 from anaplot.bundle.start.vertical import vertical_subblock
 from anaplot.photogrammetry.collinearity import project
@@ -83,6 +86,27 @@ def test_photos_that_few_rays_check_are_not_taken_for_level() -> None:
     last = ways[-1].find(None)
     assert last is not None
     assert doubtful(problem, last)
+
+
+def test_level_photos_of_points_with_two_rays_are_begun_level() -> None:
+    rng = np.random.default_rng(2)
+    made = with_mismatches(measured(KINDS["drone"](rng, 1), rng), rng, 0.005)
+    control = {row.point for row in made.block.control}
+    seen = Counter[str]()
+    rows = []
+    for k in rng.permutation(len(made.block.image_points)).tolist():
+        row = made.block.image_points[k]
+        seen[row.point] += 1
+        if seen[row.point] <= 2 or row.point in control:
+            rows.append(row)
+    problem = make_problem(replace(made.block, image_points=tuple(rows)))
+    level = vertical_subblock(problem)
+    assert level is not None
+    assert doubtful(problem, state_of(problem, level))
+    start = approximate_ways(problem)[3].find(None)
+    # what misses is relief: pairs need not be asked
+    assert start is not None
+    assert not doubtful(problem, start)
 
 
 @pytest.mark.parametrize("kind", ["strip", "three photos", "few rays"])

@@ -25,22 +25,25 @@ def some_points(problem: Problem) -> Bools | None:
     """(points,) which points say where the photos are; None where that would be most of them.
 
     Those of which something is known, and of the others one of so many that are seen as often.
+    Rays without weight say nothing.
     """
-    rays = np.bincount(problem.photo, minlength=len(problem.photos))
+    counts = slice(None) if problem.rejected is None else ~problem.rejected.all(axis=1)
+    photo, point = problem.photo[counts], problem.point[counts]
+    rays = np.bincount(photo, minlength=len(problem.photos))
     every = int(np.median(rays)) // _RAYS
-    if problem.given is not None or every < _TIMES or len(problem.photo) < _LARGE:
+    if problem.given is not None or every < _TIMES or len(photo) < _LARGE:
         return None
     place = np.arange(len(problem.points))
     known = np.isfinite(problem.known) | np.isfinite(problem.expected)
     chosen: Bools = known.any(axis=1) | (place % every == 0)
     while every > 1:
-        kept = np.bincount(problem.photo[chosen[problem.point]], minlength=len(rays))
+        kept = np.bincount(photo[chosen[point]], minlength=len(rays))
         few = kept < np.minimum(_FEWEST, rays)
         if not few.any():
             break
         every //= 2
         theirs = np.zeros(len(chosen), dtype=bool)
-        theirs[problem.point[few[problem.photo]]] = True
+        theirs[point[few[photo]]] = True
         chosen |= theirs & (place % every == 0)
     return chosen
 

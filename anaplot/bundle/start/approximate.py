@@ -17,9 +17,11 @@ import numpy as np
 from anaplot.aliases import Array, Bools, Index, Progress
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.problem import Problem, listed
+from anaplot.bundle.solve.structure import make_structure
 from anaplot.bundle.start.absolute import give_nominal_place, to_ground, to_some_ground
 from anaplot.bundle.start.bridging import BRIDGING, Chain, bridged_chains, joined_chains
 from anaplot.bundle.start.plane import grown_from_plane
+from anaplot.bundle.start.robust import robust_state
 from anaplot.bundle.start.seeds import PAIRS, PHOTOS, grown_from_seed
 from anaplot.bundle.start.subblock import (
     SubBlock,
@@ -77,8 +79,9 @@ def approximate_ways(problem: Problem) -> list[Way]:
     What the block states; bridged strips; the photos as oblique ones of a plane, then as vertical
     ones; bridged strips together with pairs in any attitude; such pairs alone. A way returns None
     where it does not apply, and raises NotComputableError where it does not get through. Level
-    photos whose rays miss by more than a fiftieth of c in the median, less where few rays check
-    them, or that are not plainly level, come last of all.
+    photos whose rays miss by more than a fiftieth of c in the median, or that are not plainly
+    level, come last of all; where few rays check them so do those that miss by less, unless robust
+    steps from there orient them.
     """
     put_off: list[Callable[[Progress | None], SubBlock | None]] = []
     chains: list[Chain] = []  # of the strips, once they are bridged
@@ -123,10 +126,15 @@ def approximate_ways(problem: Problem) -> list[Way]:
                 lambda then: vertical_subblock(problem, then, reach=LEVEL, graph=graph())
             )
             return None
-        if _misses_by_far(problem, subblock):
+        if not _misses_by_far(problem, subblock):
+            return state_of(problem, subblock)
+        oriented = None
+        if _misses(problem, subblock) <= _DOUBTFUL:
+            # level over relief, or not level: robust steps tell, and cost less than pairs
+            oriented = _oriented_from(problem, subblock, progress)
+        if oriented is None:
             put_off.append(lambda _: subblock)
-            return None
-        return state_of(problem, subblock)
+        return oriented
 
     def mixed(progress: Progress | None) -> BlockState | None:
         if hang_together:
@@ -168,6 +176,22 @@ def _misses_by_far(problem: Problem, subblock: SubBlock) -> bool:
     """
     shown = np.sqrt(max(problem.redundancy, 1) / problem.observations)
     return _misses(problem, subblock) > _DOUBTFUL * float(shown)
+
+
+def _oriented_from(
+    problem: Problem, subblock: SubBlock, progress: Progress | None
+) -> BlockState | None:
+    """Return the robust solution that a complete subblock leads to; None where it orients not all.
+
+    Mismatches, which bend least squares from any start, do not count.
+    """
+    start = state_of(problem, subblock)
+    try:
+        structure = make_structure(problem, start.centres)
+        found = robust_state(problem, structure, start, progress=progress)
+    except (NotComputableError, np.linalg.LinAlgError):
+        return None
+    return found.state if found.orients(problem) else None
 
 
 def _misses(problem: Problem, subblock: SubBlock) -> float:

@@ -419,14 +419,13 @@ def robust_state(
         The bundle, and where the steps begin.
     of_some
         Whether the start is already such a state of some of the points, with the others placed by
-        it: one step with all of them settles it.
+        it: the first step with all of them that makes it better settles it.
     enough
         Of n: squared change of the whitened residuals in a step that is the last one.
     progress
         Called with what is being done and the fraction of it.
     """
-    steps = 1 if of_some else _STEPS
-    state, held, least, settled = _robust(problem, structure, start, progress, steps, enough)
+    state, held, least, settled = _robust(problem, structure, start, progress, enough, one=of_some)
     image, control, *_ = _misfits(problem, held, state)
     off = control > OFF * np.nan_to_num(np.nanmax(np.where(held, least, 0.0), axis=1))
     rays_off = image > OFF * problem.sigma
@@ -440,7 +439,8 @@ def robust_state(
         int(rays_off.sum()),
         int((off & known).sum()),
         float(np.max(np.bincount(problem.photo, rays_off) / np.bincount(problem.photo))),
-        settled or of_some,
+        # control free of error lay elsewhere in these steps: they would go on from where it is
+        settled and not problem.fixed.any(),
         2 * int((contradicted & known).sum()) > int(known.sum()),
     )
 
@@ -461,12 +461,14 @@ def _robust(
     structure: Structure,
     start: BlockState,
     progress: Progress | None = None,
-    steps: int = _STEPS,
     enough: float = _ROBUST,
+    *,
+    one: bool = False,
 ) -> tuple[BlockState, Bools, Array, bool]:
     """Robust steps; also which coordinates are control, its smallest sigmas [m], and if it settled.
 
-    It has where the last step hardly moved anything.
+    It has where the last step hardly moved anything, or with the first that was taken where `one`
+    is enough.
     """
     held, least = _control(problem, start)
     soft = replace(
@@ -479,9 +481,9 @@ def _robust(
     tie = anchor(problem, state) if problem.defect else None
     weights = None if tie is None else tie.weights
     damping = 1e-3
-    for done in range(steps):
+    for done in range(_STEPS):
         if progress is not None:
-            progress("robust solution", done / steps)
+            progress("robust solution", done / _STEPS)
         misfits = _misfits(problem, held, state)
         scale = misfits.ray_scale(problem)
         soft = replace(soft, sigma=scale * np.sqrt(1.0 + (misfits.image / scale) ** 2))
@@ -508,7 +510,7 @@ def _robust(
         trial = move(soft, state, *step.dx)
         if objective(soft, trial)[0] <= linear.vtpv:
             state, damping = trial, damping * 0.3
-            if step.change < enough * problem.observations:
+            if one or step.change < enough * problem.observations:
                 return state, held, least, True
         else:
             damping *= 10.0
