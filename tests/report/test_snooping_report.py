@@ -126,8 +126,9 @@ def test_both_tests_side_by_side() -> None:
         assert exact
         assert {row[:4] for row in found.wrongly_rejected} == rejected - exact
         assert {row[:4] for row in found.wrongly_accepted} == exact - rejected
-        sizes = [abs(row.w) for row in found.rejected if row.w is not None]
-        assert sizes == sorted(sizes, reverse=True)
+        # the largest first; of two that differ by rounding alone the first in the block
+        sizes = np.array([abs(row.w) for row in found.rejected if row.w is not None])
+        assert (np.diff(sizes) < 1e-6).all()
         for row in found.classes:
             assert row.smallest <= row.largest
             assert (
