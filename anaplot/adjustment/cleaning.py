@@ -25,6 +25,7 @@ from anaplot.adjustment.significance import critical_normal
 from anaplot.adjustment.strategies import find_gross_errors, findings_at, sigma_of
 from anaplot.adjustment.tested import sigma0_known
 from anaplot.adjustment.watch import Watch
+from anaplot.adjustment.weightsbegin import WeightsBegin
 from anaplot.aliases import Array, Bools
 from anaplot.errors import NotComputableError
 
@@ -47,7 +48,6 @@ MOST_PASSES = 30
 
 _MOST_REFUSED = 100
 _INTERRUPTED = "the search was interrupted: the best found so far is kept"
-_FROM_ONES = 2  # passes that the Danish weights begin with ones, then one with Huber's
 _MOST_ASTRAY = 5  # sets without which the iteration found no end either
 
 
@@ -239,7 +239,7 @@ class Cleaning(Generic[S, K, R]):
         """
         solved: dict[frozenset[K], SolvedWithout[S, K]] = {} if known is None else {held: known}
         proposals: dict[frozenset[K], _Proposal[S, K]] = {}
-        met: set[frozenset[K]] = set()
+        met: set[tuple[WeightsBegin, frozenset[K]]] = set()
         passes: list[Findings] = []
         barred: dict[K, str] = {}
         at, place, astray = (None if known is None else held), start, 0
@@ -247,15 +247,15 @@ class Cleaning(Generic[S, K, R]):
             system = self.subject.residuals(place, len(passes) + 1)
             if not passes and known is not None:
                 self._check_scale(system, None)
-            if self.strategy == "danish" and len(passes) in (_FROM_ONES, _FROM_ONES + 1):
-                met.clear()  # the same rows out are no circle where the weights begin otherwise
-            near = self._near(at, held, len(passes))
+            begin = WeightsBegin.of_pass(self.strategy, len(passes))
+            near = None if at is None else begin.without_weight(at - held)
             found = self._pass(system, place, barred, held, near, draft=not passes)
             passes.append(found)
             names = _names(system, held)
             proposed = frozenset(names[row] for row in found.rows) | held
-            again = proposed in solved and proposed in met
-            met.add(proposed)
+            # the same rows out are no circle where the weights began otherwise
+            again = proposed in solved and (begin, proposed) in met
+            met.add((begin, proposed))
             # not the rows, which are as large as the subject
             proposals[proposed] = _Proposal(names, found, place)
             if proposed == at:
@@ -284,20 +284,6 @@ class Cleaning(Generic[S, K, R]):
     def by_apriori(self) -> bool:
         """Whether the a-priori sigma matters: the strategy tests by it, and it is doubted."""
         return not self.as_given and sigma0_known(sigma_of(self.strategy))
-
-    def _near(
-        self, at: frozenset[K] | None, held: frozenset[K], before: int
-    ) -> frozenset[K] | None:
-        """Return what has no weight when a pass begins to weigh, see `find_gross_errors`.
-
-        The Danish weights stand still in more than one place, and where several errors are large
-        the last digits of a linearisation decide in which they come to an end from ones. Where two
-        passes differ, the next one begins with weights that have one end only, and those after it
-        where the pass before left the rows: what comes again then has come to stay.
-        """
-        if self.strategy != "danish" or before < _FROM_ONES or at is None:
-            return None
-        return frozenset() if before == _FROM_ONES else at - held
 
     def _pass(
         self,

@@ -41,7 +41,9 @@ SETTLED = 1e-6
 """Change of a weight below which the iteration has ended."""
 
 _DANISH_FACTOR = 0.05
-_DANISH_POWERS = (4.4, 3.0)  # in the first three iterations, and after them
+_FIRST = 3  # iterations from ones
+_FIRST_DANISH_POWER = 4.4  # in these
+_DANISH_POWER = 3.0  # after them, and where other weights have been begun with
 _MOST_ITERATIONS = 200
 _SMALLEST_WEIGHT = 1e-12
 
@@ -131,11 +133,9 @@ def reweight(
     adjusted = weighted_adjustments(system)
     v = np.array(system.e, dtype=float)
     weights = np.ones(len(v))
-    powers: tuple[float, ...] = _DANISH_POWERS
     if begin is not None:
-        # what is far off has hardly any say already, as after the first iterations
         weights = np.where(suspects, np.maximum(begin, _SMALLEST_WEIGHT), 1.0)
-        v, powers = adjusted(weights), powers[1:]
+        v = adjusted(weights)
     changes: list[float] = []
     sums = [float(v @ v)]
     for iteration in range(_MOST_ITERATIONS):
@@ -143,7 +143,9 @@ def reweight(
         if method == "huber":
             new = np.minimum(1.0, HUBER_LIMIT / np.maximum(size, HUBER_LIMIT))
         else:
-            power = powers[0 if iteration < 3 else -1]
+            # with other weights what is far off has hardly any say already
+            steep = begin is None and iteration < _FIRST
+            power = _FIRST_DANISH_POWER if steep else _DANISH_POWER
             with np.errstate(over="ignore", under="ignore"):
                 fallen = np.exp(-_DANISH_FACTOR * np.minimum(size, 1e3) ** power)
             new = np.where(size > DANISH_LIMIT, fallen, 1.0)
@@ -154,7 +156,7 @@ def reweight(
         weights = new
         v = adjusted(weights)
         sums.append(float((weights * v) @ v))
-        if changes[-1] < SETTLED and iteration >= 3:
+        if changes[-1] < SETTLED and iteration >= _FIRST:
             return Reweighting(weights, v, tuple(changes), tuple(sums), True)
         if seen.stopped:
             break
