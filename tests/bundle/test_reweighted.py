@@ -99,6 +99,19 @@ def test_hardly_any_weight_is_as_exact_as_an_orthogonal_adjustment() -> None:
     np.testing.assert_allclose(weighted_adjustments(of)(weights), expected / root, atol=1e-5)
 
 
+@pytest.mark.parametrize("photo", [False, True])
+def test_a_datum_that_weights_lose_is_changed_by_columns(photo: bool) -> None:
+    of = system("weighted control")
+    first, _, third, _ = of.rows.starts
+    weights = np.ones(of.rows.count)
+    weights[first:third] = 0.0
+    if photo:
+        weights[:first] = np.where(np.repeat(of.problem.photo == 1, 2), 0.0, 1.0)
+    found, expected = weighted_adjustments(of)(weights), weighted_misclosures(of, weights)
+    np.testing.assert_allclose(found[weights > 0.0], expected[weights > 0.0], atol=1e-7)
+    assert not found[weights == 0.0].any()
+
+
 @pytest.mark.parametrize("error", ERRORS)
 def test_what_low_weights_leave_open_is_changed_by_columns(error, monkeypatch) -> None:
     of = system("priors")

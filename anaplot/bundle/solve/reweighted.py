@@ -86,7 +86,7 @@ class ReweightedBlock:
             try:
                 weighted = _weighted(system, used)
             except (PointError, NotPositiveError) as error:
-                row_by_row &= ~_of(system, error)
+                row_by_row &= ~_next_of(system, error, row_by_row)
                 continue
             linear = weighted.cofactors.normal.linear
             if row_by_row[:third].all() and linear.conditions is None and linear.given is None:
@@ -229,6 +229,23 @@ def _scaled(system: WeighedBlock, root: Array) -> Linearised:
         photo_e=photo_e,
         offsets=offsets,
     )
+
+
+def _next_of(
+    system: WeighedBlock, error: PointError | NotPositiveError, row_by_row: Bools
+) -> Bools:
+    """(n,) rows to take out of the equations' weights next, some of them still in `row_by_row`.
+
+    Elimination comes to a stop at its last photo also where the datum is lost, by weights of
+    control elsewhere: then it is the ground and priors, and at last all.
+    """
+    first, _, third, _ = system.rows.starts
+    known = np.zeros(len(row_by_row), dtype=bool)
+    known[first:third] = True
+    for rows in (_of(system, error), known):
+        if (rows & row_by_row).any():
+            return rows
+    return np.ones(len(row_by_row), dtype=bool)
 
 
 def _of(system: WeighedBlock, error: PointError | NotPositiveError) -> Bools:
