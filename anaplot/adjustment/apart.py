@@ -237,8 +237,7 @@ class _Sweeps:
             if begun.out != out:
                 out, exact = begun.out, False
                 del given  # as large as a block
-                # what a robust solution leaves out may be much of what checks the others
-                given = self._given(out, number, exact=self.robust)
+                given = self._given(out, number, exact=False)
         seen = {out}
         while not self.watch.stopped:
             share = _IN_THE_MEAN if self.robust else 1.0

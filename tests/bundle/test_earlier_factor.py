@@ -104,6 +104,21 @@ def test_the_minimum_is_the_same_with_fewer_factors(monkeypatch, name: str) -> N
         assert abs(left_at(one)) < 1e-14 * case[0].observations
 
 
+@pytest.mark.parametrize("name", ["control", "free", "self-calibration", "gross errors"])
+def test_a_place_near_the_minimum_is_enough_where_that_is_asked_for(name: str) -> None:
+    problem, start = case_of(name)
+    structure, enough = make_structure(problem, start.centres), 0.1
+    exact = find_minimum(problem, start, structure)
+    near = find_minimum(problem, start, structure, enough=enough)
+    assert near.convergence.iterations < exact.convergence.iterations
+    assert 1e-14 * problem.observations < left_at(near) < enough * problem.observations
+    # the equations are those of where it is
+    np.testing.assert_array_equal(near.normal.linear.e, linearise(problem, near.state).e)
+    on = find_minimum(problem, near.state, structure)
+    np.testing.assert_allclose(on.state.points, exact.state.points, rtol=1e-9, atol=2e-8)
+    np.testing.assert_allclose(on.normal.linear.e, exact.normal.linear.e, atol=1e-7)
+
+
 @pytest.mark.parametrize(
     ("control_sigma", "sigma_um", "shift", "height"),
     [(1e-7, 5000.0, 3.0, 100.0), (1e-9, 5000.0, 3.0, -200.0), (1e-9, 300.0, 0.1, 100.0)],

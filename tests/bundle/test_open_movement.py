@@ -197,6 +197,27 @@ def test_what_is_firm_where_errors_bend_it_is_looked_at_again_elsewhere() -> Non
     assert asked == (remark, state)
 
 
+def test_the_first_place_that_noise_holds_is_told_of_whichever_is_looked_at_first() -> None:
+    free, structure, state = turning()
+    other = replace(state, points=state.points + 1e-4)
+    places = [(other, None), (state, equations_at(free, structure, state)[:2])]
+    asked = held_by_noise_at(free, structure, places)
+    assert asked is not None
+    assert asked[0] == held_by_noise(free, structure, other)
+    assert asked[1] is other
+
+
+def test_a_firm_place_whose_equations_are_known_spares_those_of_one_near_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    found = adjust_block(aerial(1, 6, noise_um=5.0, control_sigma=0.05).block)
+    normal, factor = found.cofactors.normal, found.cofactors.factor
+    near = replace(found.state, points=found.state.points + 1e-3)
+    monkeypatch.setattr(openmovement, "NormalEquations", None)  # none are made
+    places = [(near, None), (found.state, (normal, factor))]
+    assert held_by_noise_at(found.problem, normal.structure, places) is None
+
+
 def test_a_place_near_a_firm_one_needs_no_look_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
     found = adjust_block(aerial(1, 6, noise_um=5.0, control_sigma=0.05).block)
     looked = []

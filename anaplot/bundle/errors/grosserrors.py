@@ -75,6 +75,7 @@ against each row that it holds."""
 
 _MOST_PHOTOS = 5  # that remarks name
 _TORN = 4.0  # sigma0 from which a robust state is a second place to linearise at
+_NEAR = 0.1  # of n: change in the last step to it; what that leaves, the first pass adjusts
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,12 +170,12 @@ class BlockFindings(Cleaned[BlockPlace, ObservationName, AllRows]):
             return frozenset()
         return frozenset((count - len(conditions.firm) + np.flatnonzero(conditions.firm)).tolist())
 
-    @property
+    @cached_property
     def photo_losses(self) -> list[PhotoLoss]:
         """Photos that lose more of their rays than chance explains, the worst first."""
         return losses_of_photos(self.block.problem, self.out, self.rays_of_points)
 
-    @property
+    @cached_property
     def hardly_checked(self) -> list[HardlyChecked]:
         """Photos that have lost rays, and of whose others less than one checks the place."""
         block = self.block
@@ -357,7 +358,7 @@ def _second_place(problem: Problem, first: AdjustedBlock) -> _Second | None:
     # of the same observations: what was rejected before, the robust steps have not seen
     settled = first.robust_settled and not first.problem.newly_rejected.any()
     try:
-        least = minimum_without_misfits(problem, structure, start, settled=settled)
+        least = minimum_without_misfits(problem, structure, start, settled=settled, enough=_NEAR)
         if least is None:
             there = robust_state(problem, structure, start).state
             return _Second(first.problem, BlockPlace(there), ())

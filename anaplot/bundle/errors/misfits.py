@@ -132,6 +132,7 @@ def minimum_without_misfits(
     start: BlockState,
     *,
     settled: bool = False,
+    enough: float = 0.0,
     progress: Progress | None = None,
 ) -> tuple[Problem, Minimum] | None:
     """Return the bundle without what is far off from a robust solution, and its minimum.
@@ -148,6 +149,8 @@ def minimum_without_misfits(
         Where robust steps begin.
     settled
         Whether they have been taken already, and the start is where they ended.
+    enough
+        As `find_minimum` has it.
     progress
         Called with what is being done and the fraction of it.
 
@@ -158,7 +161,7 @@ def minimum_without_misfits(
         either, or control free of error is far off.
     """
     for blamed in (_control_believed, _worst_of_points):
-        found = _minimum_without(problem, structure, start, settled, blamed, progress)
+        found = _minimum_without(problem, structure, start, settled, blamed, enough, progress)
         if found is not None and (blamed is _control_believed or _fits(*found)):
             return found
     return None
@@ -170,6 +173,7 @@ def _minimum_without(
     start: BlockState,
     settled: bool,
     blamed: Callable[[Problem, FarOff], FarOff | None],
+    enough: float,
     progress: Progress | None,
 ) -> tuple[Problem, Minimum] | None:
     """Return the bundle without what is blamed of what is far off, and its minimum."""
@@ -192,7 +196,9 @@ def _minimum_without(
         problem = smaller
         try:
             check_datum(problem, start)
-            return problem, find_minimum(problem, start, structure, progress=progress)
+            return problem, find_minimum(
+                problem, start, structure, enough=enough, progress=progress
+            )
         except NoConvergenceError as error:
             runaway = error.state
         except NotComputableError:

@@ -133,6 +133,7 @@ def find_minimum(
     *,
     tries: int | None = None,
     firm: bool = False,
+    enough: float = 0.0,
     progress: Progress | None = None,
 ) -> Minimum:
     """Minimise v'Pv by damped Gauss-Newton steps (Levenberg and Marquardt).
@@ -154,6 +155,9 @@ def find_minimum(
     firm
         Whether the observations are known to determine all where it begins, unless too few of them
         are left: nothing is sought then by damping that the first step leaves open.
+    enough
+        Of n: squared change of the whitened residuals in a full step that is the last one; where it
+        leads is a place near the minimum, with the equations there.
     progress
         Called with what is being done and the fraction of it.
 
@@ -218,7 +222,8 @@ def find_minimum(
         settled = by_full = done and damping == 0.0
         if not settled:
             linear = linearise(problem, state)
-            if damping == 0.0 and step.change <= _CLOSE * problem.observations:
+            settled = damping == 0.0 and step.change <= enough * problem.observations
+            if not settled and damping == 0.0 and step.change <= _CLOSE * problem.observations:
                 (state, linear, value, behind), steps, settled = _nearer(
                     problem, step, _Place(state, linear, value, behind), accepted, progress
                 )
@@ -237,7 +242,7 @@ def find_minimum(
             # a point that hardly weighs hides its slow steps from an earlier factor, not from this
             linear, value = found.normal.linear, found.normal.linear.vtpv
             full = _solved(found.normal, found.factor)
-            if full is not None and full.change <= _LEFT * problem.observations:
+            if full is not None and full.change <= max(_LEFT, enough) * problem.observations:
                 return found
             del found  # its equations and their factor are those of the next full step
             continue

@@ -113,6 +113,9 @@ def held_by_noise_at(
 ) -> tuple[str, BlockState] | None:
     """Return the first remark of `held_by_noise` at some places, and where that is; None without.
 
+    Where the equations are known already it is looked first: other places that are as firm need
+    none.
+
     Parameters
     ----------
     problem, structure
@@ -121,14 +124,19 @@ def held_by_noise_at(
         States, each with the equations there, where they are known.
     """
     firm: tuple[BlockState, _Movements] | None = None
-    for state, solved in places:
+    remarks: dict[int, str] = {}
+    for k in sorted(range(len(places)), key=lambda k: places[k][1] is None):
+        state, solved = places[k]
         if firm is not None and _as_firm(problem, *firm, state):
             continue
         looked = _looked_at(problem, structure, state, solved)
         if looked.remark is not None:
-            return looked.remark, state
+            remarks[k] = looked.remark
         firm = None if looked.firm is None else (state, looked.firm)
-    return None
+    if not remarks:
+        return None
+    first = min(remarks)
+    return remarks[first], places[first][0]
 
 
 class _Looked(NamedTuple):
