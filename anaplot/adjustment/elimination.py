@@ -288,8 +288,6 @@ class Elimination:
 
         The sigmas are the a-priori ones: roots of the diagonal of R_SS^-1.
         """
-        if not self._rows:
-            return np.zeros(0), np.zeros(0)
         inverse = self._inverse()
         sigma = np.sqrt((inverse * inverse).sum(axis=0))
         return inverse.T @ self._along[: len(self._rows)], sigma
@@ -301,5 +299,7 @@ class Elimination:
 
     def _inverse(self) -> Array:
         """(k, k) inverse of the triangle."""
+        if not self._rows:
+            return np.zeros((0, 0))  # LAPACK prints that it is asked for nothing
         inverse, _ = dtrtri(self.triangle(), lower=1)
         return np.asarray(inverse)

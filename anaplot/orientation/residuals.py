@@ -156,7 +156,7 @@ def _correlated(
         keys,
         left * unit,
         np.maximum(np.diag(matrix), 0.0),
-        float(misclosures @ left),
+        max(float(misclosures @ left), 0.0),  # by rounding, where nothing is left
         redundancy,
         matrix,
         sigma=sigma0_um * unit,

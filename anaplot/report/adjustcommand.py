@@ -76,6 +76,10 @@ NO_ACCIDENT: tuple[PhotoAccidentKind, ...] = ("turned",)
 """What is wrong with a photo of a strip, and a bundle finds as well."""
 
 
+# of the data snooping of 1980, where nothing is asked: tolerance [percent], model, bridging [bases]
+_SNOOPING: tuple[float, str, float | None] = (25.0, "sampled", None)
+
+
 @takes_options(add_adjust_arguments)
 def adjust(
     block: BlockOrFolder,
@@ -95,9 +99,9 @@ def adjust(
     imu_boresight: Literal["none", "block", "camera"] | None = None,
     imu_boresight_sigma: float | None = None,
     snooping: bool = False,
-    snooping_tolerance: float = 25.0,
-    snooping_model: str | os.PathLike[str] = "sampled",
-    snooping_bridging: float | None = None,
+    snooping_tolerance: float = _SNOOPING[0],
+    snooping_model: str | os.PathLike[str] = _SNOOPING[1],
+    snooping_bridging: float | None = _SNOOPING[2],
     correlations: float | None = None,
     hypothesis_alpha: float = 0.05,
     errors: Strategy | None = None,
@@ -233,6 +237,10 @@ def adjust(
         raise InputError("--partner, --pairs, --as-given and --control-last go with --errors")
     if control_last and datum != "control":
         raise InputError("--control-last brings control in: it goes with the datum of control")
+    if not snooping and (snooping_tolerance, snooping_model, snooping_bridging) != _SNOOPING:
+        raise InputError(
+            "--snooping-tolerance, --snooping-model and --snooping-bridging go with --snooping"
+        )
     if (components == "operators") != (operators is not None):
         raise InputError("--components operators and --operators FILE go together")
     if prior is not None and components is not None:

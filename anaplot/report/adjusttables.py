@@ -132,7 +132,7 @@ def photo_table(block: AdjustedBlock) -> Table:
         (row.photo, *row.position, *row.angles, *row.s_position, *row.s_angles, *checks)
         for row, checks in zip(block.photo_rows(), photo_checks(block), strict=True)
     )
-    return table("photos", _finer(_PHOTOS, block), rows, shown=_PHOTO_ORDER)
+    return table("photos", _finer(_PHOTOS, block), rows, shown=_PHOTO_ORDER, units=">")
 
 
 _OVERLAPS = (
@@ -177,7 +177,7 @@ _POINTS = (
 def point_table(block: AdjustedBlock) -> Table:
     """Return the points."""
     rows = ((row.point, *row.xyz, *row.s_xyz, row.rays) for row in block.point_rows())
-    return table("points", _finer(_POINTS, block), rows)
+    return table("points", _finer(_POINTS, block), rows, units=">")
 
 
 _CONTROL = (

@@ -185,7 +185,8 @@ def _table_parts(table: Table, everything: bool) -> Iterator[list[str]]:
         if one.head is not None:
             head = one.head
         heads += head
-        unit = f"{one.unit:{table.units}{len(one.title)}}" if table.units else ""
+        shown = "" if "[" in one.title else one.shown_unit
+        unit = f"{shown:{table.units}{len(one.title)}}" if table.units else ""
         units += f"{unit:>{len(head)}}"
     yield [heads.rstrip(), units.rstrip()] if table.units else [heads.rstrip()]
     before = None

@@ -259,7 +259,7 @@ _PLACES = (
 
 def _places(found: Covariance) -> Table:
     rows = ((*one.place, *one.s, *_cells(one.ellipse)) for one in place_accuracies(found))
-    return table("covariance_places", _PLACES, rows)
+    return table("covariance_places", _PLACES, rows, units=">")
 
 
 _PAIRS = (
@@ -281,7 +281,7 @@ def _pairs(found: Covariance) -> Table:
          *_cells(one.ellipse))
         for one in pair_accuracies(found)
     )  # fmt: skip
-    return table("covariance_pairs", _PAIRS, rows, most=30, more="    and {} more")
+    return table("covariance_pairs", _PAIRS, rows, units=">", most=30, more="    and {} more")
 
 
 def covariance_document(asked: AskedCovariance) -> Document:

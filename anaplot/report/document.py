@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import compress, count
+from math import isclose, pi
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeGuard
 
 if TYPE_CHECKING:
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BLANK",
+    "OF_PI",
     "Answer",
     "Block",
     "Column",
@@ -48,6 +50,9 @@ Answer: TypeAlias = dict[str, Any]
 
 Values: TypeAlias = "Sequence[Any] | NDArray[Any]"
 Kind: TypeAlias = Literal["text", "heading", "remark", "look"]
+
+OF_PI = {"deg": 180.0, "gon": 200.0}
+"""Units in which people read angles, and how many of each are half a turn."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,6 +205,15 @@ class Column:
     head: str | None = None
     parts: tuple[str, ...] = ()
     look: Callable[[Any], bool] | None = None
+
+    @property
+    def shown_unit(self) -> str:
+        """Unit of what a person reads, "" where it is not known."""
+        if self.scale == 1.0:
+            return self.unit
+        if self.unit == "rad":
+            return next((one for one, half in OF_PI.items() if isclose(self.scale, half / pi)), "")
+        return "um" if (self.unit, self.scale) == ("mm", 1e3) else ""
 
 
 def name(

@@ -156,7 +156,7 @@ def _tests(
 ) -> Table:
     """Return a table of single tests; the last two cells of a row come from its verdict."""
     cells = ((*row[:-1], _mark(row[-1])) for row in rows)
-    return replace(table(key, columns, cells), most=most, more=more)
+    return replace(table(key, columns, cells, units=">"), most=most, more=more)
 
 
 def _additional(found: ParameterTests, limit: float) -> list[Block]:

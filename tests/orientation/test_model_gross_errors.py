@@ -15,6 +15,7 @@ from flightscene import (
 from idealmodel import ideal_pair, spoiled
 from wild import text_of
 
+from anaplot import bridge, plan
 from anaplot.adjustment import cleaning
 from anaplot.adjustment.elimination import Elimination
 from anaplot.adjustment.findings import SearchSettings
@@ -65,10 +66,21 @@ def test_planted_row_is_left_out_and_nothing_else(strategy: str) -> None:
 
 
 @pytest.mark.parametrize("strategy", STRATEGIES)
-def test_without_errors_nothing_is_rejected(strategy: str) -> None:
+def test_without_errors_nothing_is_rejected(
+    strategy: str, capfd: pytest.CaptureFixture[str]
+) -> None:
     cleaned = model_gross_errors(ideal_pair("13/5"), PAPER, BAARDA, strategy)
     assert cleaned.rejected == cleaned.came_back == cleaned.refused == ()
     assert len(cleaned.passes) == 1
+    assert capfd.readouterr() == ("", "")  # nor does LAPACK complain of an empty set
+
+
+def test_what_rounding_leaves_of_a_model_free_of_error_is_not_negative() -> None:
+    block = plan.block(strips=3, photos=4, sidelap=60, points="5x5").result.made.block
+    for strip in bridge(block, errors="tau").result.strips:
+        assert strip.error is None
+        for model in strip.models:
+            assert residual_system(model).vtpv >= 0.0
 
 
 def test_residual_system_is_that_of_the_table() -> None:

@@ -168,6 +168,10 @@ def test_the_text_says_everything(tmp_path: Path) -> None:
     for piece in ("BLOCK small", "redundancy", "PHOTO", "CONTROL", "CHECK", "PRIOR", "PARAMETER",
                   "POINT", "RED-N", "EFFECT", "RI x", "AI X"):  # fmt: skip
         assert piece in out, piece
+    lines = [line.split() for line in out.splitlines()]
+    for head, units in (("PHOTO", 6 * ["m"] + 6 * ["deg"]), ("POINT", 6 * ["m"])):
+        [under] = [lines[k + 1] for k, line in enumerate(lines) if line[:2] == [head, "X"]]
+        assert under == units
     _, out, _ = run_adjust(folder, datum="free")
     assert "rank defect 7" in out
     assert "CHECK" in out  # control is compared with, not held

@@ -3,26 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import isclose, pi
+from math import pi
 from typing import Literal, TypeAlias
 
-from anaplot.report.document import Column, Table
+from anaplot.report.document import OF_PI, Column, Table
 from anaplot.report.html.parts import Captioned, HtmlBlock, Report, with_blocks
 
-__all__ = ["AngleUnit", "shown_unit", "with_angles_in"]
+__all__ = ["AngleUnit", "with_angles_in"]
 
 AngleUnit: TypeAlias = Literal["deg", "gon"]
-
-_OF_PI = {"deg": 180.0, "gon": 200.0}
-
-
-def shown_unit(column: Column) -> str:
-    """Return the unit of what a person reads in a column, "" where it is not known."""
-    if column.scale == 1.0:
-        return column.unit
-    if column.unit == "rad":
-        return next((unit for unit, half in _OF_PI.items() if isclose(column.scale, half / pi)), "")
-    return "um" if (column.unit, column.scale) == ("mm", 1e3) else ""
 
 
 def with_angles_in(report: Report, unit: AngleUnit) -> Report:
@@ -46,7 +35,7 @@ def _table(table: Table) -> Table:
 
 
 def _column(column: Column) -> Column:
-    if column.unit != "rad" or shown_unit(column) != "deg":
+    if column.unit != "rad" or column.shown_unit != "deg":
         return column
     title = column.title.replace("[deg]", "[gon]")
-    return replace(column, scale=_OF_PI["gon"] / pi, title=title)
+    return replace(column, scale=OF_PI["gon"] / pi, title=title)

@@ -15,7 +15,6 @@ from anaplot.drawing.drawing import Drawing
 from anaplot.report.astext import cell_texts, line_pieces
 from anaplot.report.columns import counted, shortened
 from anaplot.report.document import Column, Line, Listed, Table, Values
-from anaplot.report.html.angles import shown_unit
 from anaplot.report.html.captions import caption_of, words_of
 from anaplot.report.html.parts import (
     Captioned,
@@ -338,7 +337,7 @@ def _shown(table: Table) -> list[tuple[Column, Values]]:
 
 def _head(column: Column) -> Head:
     title = plain(column.title.strip()) or words_of(column.key)
-    unit = shown_unit(column)
+    unit = column.shown_unit
     if "[" in title or unit in title.split():
         unit = ""
     return Head(title, unit, column.key or column.title, column.align == "<")
