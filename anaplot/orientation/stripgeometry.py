@@ -23,7 +23,7 @@ from anaplot.photogrammetry.collinearity import project_with_derivatives
 from anaplot.photogrammetry.rotation import rotation_matrix
 from anaplot.photogrammetry.similarity import similarity_effects
 
-__all__ = ["Located", "Pose", "StripGeometry", "extended", "in_photo", "widened"]
+__all__ = ["Located", "Pose", "StripGeometry", "extended", "imaged", "in_photo", "widened"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -211,17 +211,33 @@ def in_photo(
     Array
         (n, 2, count + 6) effects of the errors on them [mm].
     """
-    n = len(points)
-    seen = project_with_derivatives(
-        np.broadcast_to(pose.centre, (n, 3)),
-        np.broadcast_to(pose.rotation, (n, 3, 3)),
-        np.full(n, pose.c),
-        np.array([p.xyz for p in points]).reshape(-1, 3),
-    )
-    width = count + 6
+    n, width = len(points), count + 6
+    xyz = np.array([p.xyz for p in points]).reshape(-1, 3)
     at = np.array([widened(p.errors, width) for p in points]).reshape(n, 3, width)
     own = widened(pose.errors, width)
     if free is not None:
         own[:, count:] = free
-    errors = seen.photo @ own + np.einsum("nab,nbe->nae", seen.point, at)
-    return np.where(seen.depth[:, None] > 0.0, seen.xy, np.nan), errors
+    return imaged(pose, own, xyz, at)
+
+
+def imaged(pose: Pose, own: Array, xyz: Array, errors: Array) -> tuple[Array, Array]:
+    """Return what `in_photo` does, of arrays.
+
+    Parameters
+    ----------
+    pose
+        The photo; its errors are not looked at.
+    own
+        (6, e) effects of errors on it.
+    xyz, errors
+        (n, 3) points and (n, 3, e) effects of the same errors on them.
+    """
+    n = len(xyz)
+    seen = project_with_derivatives(
+        np.broadcast_to(pose.centre, (n, 3)),
+        np.broadcast_to(pose.rotation, (n, 3, 3)),
+        np.full(n, pose.c),
+        xyz,
+    )
+    moved = seen.photo @ own + np.einsum("nab,nbe->nae", seen.point, errors)
+    return np.where(seen.depth[:, None] > 0.0, seen.xy, np.nan), moved

@@ -177,8 +177,8 @@ class StripTie:
         """(count,) errors of least squares that explain the discrepancies, in mm."""
         return self._known.probable
 
-    def probably_placed(self, names: list[str]) -> list[Located]:
-        """Return points as `placed` does, with (3, 1) errors: what the `probable` ones do to them.
+    def probably_placed(self, names: list[str]) -> tuple[Array, Array]:
+        """Return (n, 3) points as `placed` does, and (n, 3) what the `probable` errors do to them.
 
         What each error does to each of them is not written out.
         """
@@ -190,7 +190,7 @@ class StripTie:
         off = np.array([errors @ theirs[: errors.shape[1]] for errors in own]).reshape(-1, 3)
         off = now.scale * off @ now.rotation.T
         off += similarity_effects(xyz - self._known.middle) @ (self._known.moved @ self.probable)
-        return [Located(at, by[:, None]) for at, by in zip(xyz, off, strict=True)]
+        return xyz, off
 
     def improved(self, values: Array, errors: Array) -> tuple[Array, Array]:
         """Take from values what the discrepancies of the common points say of their errors.
@@ -318,7 +318,9 @@ class _Common:
         self.target = np.array([this.points[n].xyz for n in names])
         self.source = np.array([other.points[n].xyz for n in names])
         self._own = np.array([widened(this.points[n].errors, this.count) for n in names])
-        self._other = np.array([widened(other.points[n].errors, other.count) for n in names])
+        # a strip that goes on far beyond these points has errors that none of them has
+        far = max(other.points[n].errors.shape[1] for n in names)
+        self._other = np.array([widened(other.points[n].errors, far) for n in names])
         rows = 3 * len(names)
         own, others = (e.reshape(rows, -1) for e in (self._own, self._other))
         self._c_own, self._c_other = own @ own.T, others @ others.T
@@ -349,14 +351,17 @@ class _Common:
         points = rows[:, :-2]
         turned = (points.reshape(k, n, 3) @ (now.scale * now.rotation)).reshape(k, 3 * n)
         own, other = self._own.reshape(3 * n, -1), self._other.reshape(3 * n, -1)
-        return np.concatenate((-(points @ own), turned @ other, self.tilt * rows[:, -2:]), axis=1)
+        theirs = widened(turned @ other, self.other_count)
+        return np.concatenate((-(points @ own), theirs, self.tilt * rows[:, -2:]), axis=1)
 
     def by_rows(self, errors: Array, now: Similarity) -> Array:
         """Return (k, rows): what the misclosures of level systems have of (k, e) errors."""
         n, k = len(self.names), len(errors)
         own, other = self._own.reshape(3 * n, -1), self._other.reshape(3 * n, -1)
         first, second = errors[:, : self.own_count], errors[:, self.own_count : -2]
-        turned = (second @ other.T).reshape(k, n, 3) @ (now.scale * now.rotation).T
+        turned = (second[:, : other.shape[1]] @ other.T).reshape(k, n, 3) @ (
+            now.scale * now.rotation
+        ).T
         points = turned.reshape(k, 3 * n) - first @ own.T
         return np.concatenate((points, self.tilt * errors[:, -2:]), axis=1)
 

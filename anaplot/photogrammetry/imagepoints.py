@@ -10,7 +10,7 @@ from anaplot.photogrammetry.imagepoint import ImagePoint
 if TYPE_CHECKING:
     from anaplot.photogrammetry.pointcolumns import PointColumns
 
-__all__ = ["ImagePoints", "columns_of"]
+__all__ = ["ImagePoints", "columns_of", "names_of"]
 
 
 class ImagePoints(Sequence[ImagePoint]):
@@ -62,6 +62,13 @@ class ImagePoints(Sequence[ImagePoint]):
             self._rows = self.columns.rows()
         return self._rows
 
+    @property
+    def names(self) -> Iterator[tuple[str, str]]:
+        """Photo and point of every row, from what is kept: nothing is made for it."""
+        if self._rows is not None or self._columns is None:
+            return ((row.photo, row.point) for row in self._rows or ())
+        return zip(self._columns.photo.listed(), self._columns.point.listed(), strict=True)
+
     def __len__(self) -> int:
         return len(self.columns) if self._rows is None else len(self._rows)
 
@@ -98,6 +105,11 @@ class ImagePoints(Sequence[ImagePoint]):
 
     def __repr__(self) -> str:
         return repr(self.rows)
+
+
+def names_of(rows: Iterable[ImagePoint]) -> Iterator[tuple[str, str]]:
+    """Return photo and point of image points; those of a block are not made rows for it."""
+    return (rows if isinstance(rows, ImagePoints) else ImagePoints(rows)).names
 
 
 def columns_of(rows: Iterable[ImagePoint]) -> PointColumns:

@@ -72,7 +72,7 @@ def points_of(image_points: Iterable[ImagePoint], photo: str, model: str) -> dic
 
 def measured_in_files(block: Block) -> frozenset[tuple[str, str]]:
     """Return (left, right) of the models that have points common to both photos in the files."""
-    rows = rows_by_photo(block.image_points)
+    rows = rows_by_photo(block.image_points if block.strips else ())
     found = set()
     for strip in block.strips:
         for left, right in strip.models():

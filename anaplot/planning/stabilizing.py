@@ -21,9 +21,12 @@ import numpy as np
 from anaplot.aliases import Array, Bools, Index
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.imaging import BlockState, imaged_places, seen_places
+from anaplot.bundle.solve.photosides import solve_photos
 from anaplot.bundle.solve.problem import Problem
+from anaplot.photogrammetry.imagepoints import columns_of
 from anaplot.photogrammetry.lens import without_lens
 from anaplot.photogrammetry.measuredimage import measured_rays
+from anaplot.photogrammetry.pointcolumns import Coded
 
 __all__ = [
     "SIZES",
@@ -115,7 +118,8 @@ def as_recorded(block: AdjustedBlock) -> Measured | None:
     Once in every model of its strip that shows the place in both photos, else once. None where no
     row names a model: every ray is measured once.
     """
-    if all(row.model is None for row in block.problem.block.image_points):
+    model = columns_of(block.problem.block.image_points).model
+    if all(model.values[k] is None for k in np.unique(model.index).tolist()):
         return None
     every, origin = _Photos.of(block), block.state.origin
     partners: dict[str, list[str]] = {}
@@ -175,7 +179,7 @@ def _sets_of(
         kept = best[-1] if size > 2 else ()
         others = [k for k in range(len(candidates)) if k not in kept]
         tried = [kept + more for more in combinations(others, size - len(kept))]
-        best.append(max(tried, key=lambda chosen: round(local.with_points(chosen)[0], 12)))
+        best.append(max(tried, key=lambda chosen: round(local.mean_with(chosen), 12)))
     before, low_before = local.with_points(())
     return tuple(
         StabilizingSet(
@@ -248,12 +252,13 @@ class _Photos(NamedTuple):
         cameras = {camera.id: camera for camera in problem.block.cameras}
         camera_of = {one.id: cameras[one.camera] for one in problem.block.photos}
         largest = dict.fromkeys(cameras, (0.0, 0.0))
-        rows: dict[str, list[tuple[float, float]]] = {}
-        for row in problem.block.image_points:
-            rows.setdefault(camera_of[row.photo].id, []).append((row.x, row.y))
-        for key, ideal in rows.items():
-            x, y = np.abs(measured_rays(cameras[key], ideal)).max(axis=0).tolist()
-            largest[key] = x, y
+        rows = columns_of(problem.block.image_points)
+        taken_by = Coded.of([camera_of[name].id for name in rows.photo.values])
+        for k, key in enumerate(taken_by.values):
+            ideal = rows.xy[taken_by.index[rows.photo.index] == k]
+            if len(ideal):
+                x, y = np.abs(measured_rays(cameras[key], ideal)).max(axis=0).tolist()
+                largest[key] = x, y
         # without a format a photo shows what others of its camera show
         used = [camera_of[name] for name in problem.photos]
         reach = [largest[one.id] if one.format is None else one.reach() for one in used]
@@ -342,6 +347,8 @@ class _Neighbourhood:
         (m,) the redundancy numbers that the rays of a candidate alone have.
     mine
         (m,) whether the coordinate is one of the photo.
+    shared
+        (m, m) beside' beside.
     """
 
     r: Array
@@ -350,6 +357,7 @@ class _Neighbourhood:
     between: Array
     alone: Array
     mine: Bools
+    shared: Array
 
     @classmethod
     def of(
@@ -361,10 +369,8 @@ class _Neighbourhood:
         photos = np.zeros((len(problem.photos), d, 6 * n))
         unknowns = np.arange(6 * n)
         photos[near[unknowns // 6], unknowns % 6, unknowns] = 1.0
-        points = np.zeros((len(problem.points), 3, 6 * n))
-        shared = np.zeros((len(normal.corner), 6 * n))
-        solved = normal.solve(block.cofactors.factor, photos, points, shared)
         rays = np.flatnonzero(problem.photo == index)
+        solved, at_rays = solve_photos(normal, block.cofactors.factor, photos, rays)
         rows, alone, mine = [], [], []
         for one in candidates:
             j = len(one.photo)
@@ -375,17 +381,28 @@ class _Neighbourhood:
             rows.append(projector @ a.reshape(2 * j, 6 * n))
             alone.append(np.diag(projector))
             mine.append(np.repeat(one.photo == index, 2))
-        whole, q = np.concatenate(rows), solved[0][near, :6].reshape(6 * n, 6 * n)
-        beside = normal.seen(*solved, rays).reshape(2 * len(rays), 6 * n)
+        whole, q = np.concatenate(rows), solved[near, :6].reshape(6 * n, 6 * n)
+        beside = at_rays.reshape(2 * len(rays), 6 * n) @ whole.T
         ends = np.cumsum([len(one) for one in rows])
         return cls(
             block.cofactors.r[rays].ravel(),
             tuple(np.split(np.arange(ends[-1]), ends[:-1])),
-            beside @ whole.T,
+            beside,
             whole @ q @ whole.T,
             np.concatenate(alone),
             np.concatenate(mine),
+            beside.T @ beside,
         )
+
+    def mean_with(self, chosen: Sequence[int]) -> float:
+        """Return the mean redundancy number that `with_points` returns, without those it sums."""
+        rows = np.concatenate([self.rows[k] for k in chosen])
+        at = np.ix_(rows, rows)
+        between, mine = self.between[at], self.mine[rows]
+        inverse = np.linalg.inv(np.eye(len(rows)) + between)
+        old = self.r.sum() + np.vdot(inverse, self.shared[at])
+        new = self.alone[rows][mine].sum() - np.vdot(inverse[mine], between[mine])
+        return float((old + new) / (len(self.r) + np.count_nonzero(mine)))
 
     def with_points(self, chosen: Sequence[int]) -> tuple[float, float]:
         """Return the photo's mean redundancy number with points, and the smallest it had."""

@@ -87,14 +87,26 @@ def run_status(options: argparse.Namespace) -> int:
     output = Output.of(options)
     output.check({"is read": (options.block,)})
     with working("models and block"):
-        status, found, contents, block = block_status(options.block)
+        status, found, contents, block = block_status(
+            options.block, page=not (output.as_json or output.to)
+        )
     document = status_document(options.block, status, found, contents)
     output.show(with_lengths_of(block, document))
     return 0
 
 
-def block_status(folder: Path) -> tuple[BlockStatus, Journaled, BlockContents, Block]:
+def block_status(
+    folder: Path, *, page: bool = False
+) -> tuple[BlockStatus, Journaled, BlockContents, Block]:
     """Return where the block in a folder stands, its journal, what there is in it, and the block.
+
+    Parameters
+    ----------
+    folder
+        The block folder.
+    page
+        Whether a page of text alone is made of it: without strips that shows no points that would
+        help weak photos, and they are not looked for.
 
     Raises
     ------
@@ -109,7 +121,8 @@ def block_status(folder: Path) -> tuple[BlockStatus, Journaled, BlockContents, B
         from anaplot.session.blockaccidents import block_accidents
 
         accidents = block_accidents(block)
-    status = status_of(block, found.state, _view(block), name, accidents)
+    helped = bool(block.strips) or not page
+    status = status_of(block, found.state, _view(block, helped), name, accidents)
     return status, found, contents_of(block), block
 
 
@@ -149,8 +162,11 @@ def adjusted_status(
     return status_of(kept, found.state, view, name, accidents, bridged), found
 
 
-def _view(block: Block) -> BlockView | None:
-    """Return what the block as one bundle says; None where there is nothing to adjust."""
+def _view(block: Block, helped: bool) -> BlockView | None:
+    """Return what the block as one bundle says; None where there is nothing to adjust.
+
+    With the points that would help weak photos, or without them.
+    """
     if not block.image_points:
         return None
     from anaplot.bundle.live import LiveBlock
@@ -163,7 +179,7 @@ def _view(block: Block) -> BlockView | None:
         found = LiveBlock(block).update(block, progress=patience.progress)
     except AnaplotError as error:
         return replace(empty, remark=patience.remark or str(error))
-    return view_of(found, empty, None, most_weak=_MOST_WEAK)
+    return view_of(found, empty, None, most_weak=_MOST_WEAK, helped=helped)
 
 
 class _Patience:

@@ -41,11 +41,15 @@ class OtherStrips(Mapping[str, StripGeometry]):
             for name, (block, models) in chains.items()
             if geometry_of(block, models[:1]) is not None
         }
+        self._oriented: dict[str, StripGeometry] = {}
 
     def __getitem__(self, strip: str) -> StripGeometry:
-        geometry = _oriented(*self._chains[strip])
-        assert geometry is not None  # its first model is determined
-        return geometry
+        # by name: what is remembered by its models is found by hashing all their measurements
+        if strip not in self._oriented:
+            geometry = _oriented(*self._chains[strip])
+            assert geometry is not None  # its first model is determined
+            self._oriented[strip] = geometry
+        return self._oriented[strip]
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._chains)

@@ -27,7 +27,7 @@ def filed_models(block: Block) -> tuple[ModelState, ...]:
     block
         With its image points; those of a model are chosen as the bridge chooses them.
     """
-    rows = rows_by_photo(block.image_points)
+    rows = rows_by_photo(block.image_points if block.strips else ())
     out: list[ModelState] = []
     for strip in block.strips:
         before: ModelState | None = None

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Set
-from dataclasses import replace
 from math import isfinite
 from typing import NamedTuple
 
 import numpy as np
 
 from anaplot.aliases import Array, Bools
-from anaplot.orientation.stripgeometry import Located, Pose, in_photo
+from anaplot.orientation.stripgeometry import Located, Pose, imaged, in_photo
 from anaplot.orientation.striptie import StripTie, System
 from anaplot.photogrammetry.collinearity import project
 
-__all__ = ["Close", "Place", "Poses", "Sight", "in_view"]
+__all__ = ["Carried", "Close", "Place", "Poses", "Sight", "in_view"]
 
 Place = tuple[float, float, float, float]
 """xl, yl, xr, yr [mm]."""
@@ -86,16 +85,18 @@ class Sight(NamedTuple):
 
         That takes one sum of errors a point and photo; how certain it is, as `seen` tells, all.
         """
-        probable = self.tie.probable[:, None]
+        probable = self.tie.probable
         names = [p for p in self.names if p not in self.own]
-        points = self.tie.probably_placed(names)
-        for one in self.own.values():
-            points.append(Located(one.xyz, one.errors @ probable[: one.errors.shape[1]]))
+        xyz, off = self.tie.probably_placed(names)
+        if self.own:
+            of_own = [one.errors @ probable[: one.errors.shape[1]] for one in self.own.values()]
+            xyz = np.concatenate((xyz, [one.xyz for one in self.own.values()]))
+            off = np.concatenate((off, of_own))
         sides = []
         for pose in self.poses[:2]:
             moved = pose.errors @ probable[: pose.errors.shape[1]]
-            at, off = in_photo(replace(pose, errors=moved), points, 1, None)
-            sides.append(at - off[:, :, 0])
+            at, errors = imaged(pose, moved[:, None], xyz, off[:, :, None])
+            sides.append(at - errors[:, :, 0])
         good = close.are(np.concatenate(sides, axis=1))
         return [
             name
@@ -126,17 +127,27 @@ class Sight(NamedTuple):
                 yield name, (xl, yl, xr, yr), s
 
 
-def in_view(tie: StripTie, other: System, points: Set[str], poses: Poses) -> list[str]:
-    """Return those of some points of another system that lie about in two photos."""
-    names = [name for name in other.points if name in points]
-    n = len(names)
-    if n == 0:
-        return []
-    xyz = tie.carried(np.array([other.points[name].xyz for name in names]))
+class Carried(NamedTuple):
+    """The points of another system as a similarity carries them: names, and (n, 3) places."""
+
+    names: tuple[str, ...]
+    xyz: Array
+
+    @classmethod
+    def of(cls, tie: StripTie, other: System) -> Carried:
+        """Return all of them."""
+        places = np.array([one.xyz for one in other.points.values()]).reshape(-1, 3)
+        return cls(tuple(other.points), tie.carried(places))
+
+
+def in_view(carried: Carried, poses: Poses) -> list[str]:
+    """Return those points that lie about in two photos."""
+    xyz = carried.xyz
+    n = len(xyz)
     good = np.ones(n, dtype=bool)
     for pose in poses[:2]:
         centres, turned = np.broadcast_to(pose.centre, (n, 3)), pose.rotation
         seen = project(centres, np.broadcast_to(turned, (n, 3, 3)), np.full(n, pose.c), xyz)
         # not far outside: what is known of a right photo may still be rough
         good &= (seen.depth > 0.0) & (np.abs(seen.xy) < pose.c).all(axis=1)
-    return [names[k] for k in np.flatnonzero(good).tolist()]
+    return [carried.names[k] for k in np.flatnonzero(good).tolist()]

@@ -24,7 +24,7 @@ from anaplot.session.events import PlannedPoint, Role
 from anaplot.session.models import geometry_of
 from anaplot.session.modelstate import ModelState
 from anaplot.session.remembering import remembered
-from anaplot.session.sight import Close, Place, Poses, Sight, in_view
+from anaplot.session.sight import Carried, Close, Place, Poses, Sight, in_view
 from anaplot.session.state import SessionState
 from anaplot.session.statedorientation import seen_by_stated, stated_control
 from anaplot.session.tiecheck import (
@@ -216,6 +216,7 @@ class _InWork:
         self._strip = strip
         self._sigma0 = block.precision.image_um * 1e-3
         self._ways: dict[str, StripTie | None] = {}
+        self._all: dict[tuple[int, int], tuple[StripTie, System, Carried]] = {}
         self._own, self._again = own, again
         self._control = {c.point for c in known.control}
         self._others, self._measured, self._stated = theirs
@@ -329,7 +330,7 @@ class _InWork:
         if tie is None or this is None:
             return
         theirs = self._ground if check.other == GROUND else self._others[check.other]
-        names = in_view(tie, theirs, theirs.points.keys() - without, poses)
+        names = [p for p in in_view(self._carried(tie, theirs), poses) if p not in without]
         own: dict[str, Located] = {}
         if check.other == GROUND:
             found = this.points.items()
@@ -346,10 +347,18 @@ class _InWork:
             return
         missing = joint.points.keys() - other.points.keys()
         # the same similarity, but for the errors of what it places
-        names = in_view(check.tie, joint, missing - without, poses)
+        seen = in_view(self._carried(check.tie, joint), poses)
+        names = [p for p in seen if p in missing and p not in without]
         tie = self._way(check.other, joint, missing) if names else None
         if tie is not None:
             yield Sight(GROUND, tie, names, {}, poses, self._sigma0)
+
+    def _carried(self, tie: StripTie, other: System) -> Carried:
+        """Return another system's points as a similarity has them, the same for every model."""
+        key = id(tie), id(other)  # both last as long as this, or are kept here
+        if key not in self._all:
+            self._all[key] = (tie, other, Carried.of(tie, other))
+        return self._all[key][2]
 
     def _way(self, name: str, joint: System, missing: Set[str]) -> StripTie | None:
         """Return the similarity to a strip with the control that it places."""

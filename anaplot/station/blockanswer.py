@@ -26,7 +26,12 @@ __all__ = ["view_of"]
 
 
 def view_of(
-    answer: LiveAnswer, empty: BlockView, since: Mapping[str, str] | None, *, most_weak: int = 0
+    answer: LiveAnswer,
+    empty: BlockView,
+    since: Mapping[str, str] | None,
+    *,
+    most_weak: int = 0,
+    helped: bool = True,
 ) -> BlockView:
     """Return what an adjusted block says.
 
@@ -42,13 +47,16 @@ def view_of(
     most_weak
         For how many weak photos at most the points are found that would help them; without any
         the offsets that the block should have are not looked for either.
+    helped
+        Whether those points are found at all.
     """
     adjusted = answer.adjusted
     problem, test = adjusted.problem, adjusted.problem.test
     indicators = adjusted.indicators()
     um = problem.block.precision.image_um
     weak = _weak(adjusted) if most_weak else ()
-    sets = stabilizing_sets(adjusted, weak[:most_weak], as_recorded(adjusted)) if weak else ()
+    helps = weak[:most_weak] if helped else ()
+    sets = stabilizing_sets(adjusted, helps, as_recorded(adjusted)) if helps else ()
     return replace(
         empty,
         sigma0=adjusted.sigma0,

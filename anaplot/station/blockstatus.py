@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from anaplot.photogrammetry.block import Block, Strip
+from anaplot.photogrammetry.imagepoints import names_of
 from anaplot.photogrammetry.selection import measured_in_files, rows_by_photo
 from anaplot.session.filedaccidents import NO_ACCIDENTS, BlockAccidents
 from anaplot.station.blockview import SURE, BlockView, FlaggedObservation, percent
@@ -462,8 +463,8 @@ def with_table(
 def coverage_of(block: Block) -> Coverage:
     """Return a block's lateral ties and control, as far as they are measured."""
     photos_of: dict[str, set[str]] = {}
-    for row in block.image_points:
-        photos_of.setdefault(row.point, set()).add(row.photo)
+    for photo, point in names_of(block.image_points):
+        photos_of.setdefault(point, set()).add(photo)
     known = [point.point for point in block.control if point.use != "off"]
     return Coverage(
         _lateral_ties(block.strips, photos_of),

@@ -26,6 +26,7 @@ from anaplot.bundle.solve.conditions import Conditions
 from anaplot.bundle.solve.externalreliability import external_reliability
 from anaplot.bundle.solve.factor import Factor
 from anaplot.bundle.solve.linearised import move, objective
+from anaplot.bundle.solve.photosides import solve_photos
 from anaplot.bundle.solve.problem import make_problem
 from anaplot.bundle.solve.residuals import block_residuals
 from anaplot.errors import InputError, NotComputableError
@@ -208,6 +209,18 @@ def test_right_hand_sides_are_solved_for_in_portions_with_the_same_result(
     assert sum(widths) == sides[0].shape[-1]
     for one, other in zip(parts, whole, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12 * np.abs(other).max())
+
+
+def test_some_rays_change_as_all_unknowns_do(adjusted) -> None:
+    cofactors = adjusted("weighted").cofactors
+    normal, factor = cofactors.normal, cofactors.factor
+    problem, rays = normal.problem, np.arange(7)
+    photos = np.random.default_rng(2).normal(size=(len(problem.photos), problem.per_photo, 3))
+    others = np.zeros((len(problem.points), 3, 3)), np.zeros((len(normal.corner), 3))
+    whole = normal.solve(factor, photos, *others)
+    x, seen = solve_photos(normal, factor, photos, rays)
+    np.testing.assert_allclose(x, whole[0], rtol=1e-12)
+    np.testing.assert_allclose(seen, normal.seen(*whole, rays), rtol=1e-12)
 
 
 def test_a_condition_free_of_error_is_met(adjusted) -> None:

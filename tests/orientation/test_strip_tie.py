@@ -151,17 +151,15 @@ def test_the_most_probable_errors_explain_every_discrepancy(flights):
     for other, this in flights[:3]:
         tie = tie_systems(this, other, SIGMA0, BAARDA)
         names = [p.point for p in tie.points]
-        for name, placed in zip(names, tie.probably_placed(names), strict=True):
+        for name, xyz, by in zip(names, *tie.probably_placed(names), strict=True):
             own = this.points[name]
             off = (own.errors @ tie.probable[: own.errors.shape[1]])[:, None]
-            np.testing.assert_allclose(
-                placed.xyz - placed.errors[:, 0], own.xyz - off[:, 0], rtol=0.0, atol=1e-6
-            )
+            np.testing.assert_allclose(xyz - by, own.xyz - off[:, 0], rtol=0.0, atol=1e-6)
             # the same as by all errors, each written out
             whole = tie.placed([name])[name]
             values, _ = tie.improved(whole.xyz, whole.errors)
-            np.testing.assert_allclose(placed.xyz, whole.xyz, rtol=1e-14)
-            np.testing.assert_allclose(placed.xyz - placed.errors[:, 0], values, rtol=1e-12)
+            np.testing.assert_allclose(xyz, whole.xyz, rtol=1e-14)
+            np.testing.assert_allclose(xyz - by, values, rtol=1e-12)
 
 
 def test_every_common_point_makes_predictions_better(flights):

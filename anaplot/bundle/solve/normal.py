@@ -151,9 +151,13 @@ class NormalEquations:
 
         To all of them, or to some.
         """
+        return self.seen_with(photos, points[self.problem.point[rays]], shared, rays)
+
+    def seen_with(self, photos: Array, of_rays: Array, shared: Array, rays: Index | slice) -> Array:
+        """Return it with the changes (m, 3, k) of the rays' own points."""
         problem, linear = self.problem, self.linear
         out: Array = np.matmul(linear.a[rays], photos[problem.photo[rays]])
-        out += np.matmul(linear.b[rays], points[problem.point[rays]])
+        out += np.matmul(linear.b[rays], of_rays)
         if len(shared):
             columns = self.border_columns(problem.additional_group[rays])
             out += np.matmul(linear.h[rays], shared[columns])
