@@ -16,7 +16,7 @@ from anaplot.bundle.solve.gaussnewton import (
     NoConvergenceError,
     find_minimum,
 )
-from anaplot.bundle.solve.imaging import BlockState, with_additional
+from anaplot.bundle.solve.imaging import BlockState, RobustPlace, with_additional
 from anaplot.bundle.solve.linearised import objective
 from anaplot.bundle.solve.openmovement import parameters_left_open
 from anaplot.bundle.solve.problem import Datum, Problem, make_problem
@@ -170,9 +170,9 @@ def _adjusted(
 ) -> AdjustedBlock:
     bare = problem.bare
     found, robust, whole = best_minimum(bare, progress, problem, start)
-    there, settled = (None, False) if robust is None else (robust.state, robust.settled)
+    there = None if robust is None else robust.place
     if bare is problem:
-        return evaluate(problem, found, robust=there, settled=settled, progress=progress)
+        return evaluate(problem, found, robust=there, progress=progress)
     # orientations wait neither for additional parameters nor for conditions between points
     return calibrated(problem, found.state, robust=there, found=whole, progress=progress)
 
@@ -181,7 +181,7 @@ def calibrated(
     problem: Problem,
     bare: BlockState,
     *,
-    robust: BlockState | None = None,
+    robust: RobustPlace | None = None,
     found: Minimum | None = None,
     progress: Progress | None = None,
 ) -> AdjustedBlock:
@@ -210,7 +210,7 @@ def calibrated(
         return adjust_bundle(
             problem,
             with_additional(problem, bare),
-            robust=None if robust is None else with_additional(problem, robust),
+            robust=None if robust is None else with_additional(problem, robust.state),
             found=found,
             progress=progress,
         )
@@ -265,15 +265,15 @@ def adjust_bundle(
     # of additional parameters only the rank is judged: weak ones have large standard deviations
     if soft(found) and problem.additional is None:
         check_held(problem, found, start if robust is None else robust)
-    return evaluate(problem, found, robust=robust, progress=progress)
+    there = None if robust is None else RobustPlace(robust)
+    return evaluate(problem, found, robust=there, progress=progress)
 
 
 def evaluate(
     problem: Problem,
     found: Minimum,
     *,
-    robust: BlockState | None = None,
-    settled: bool = False,
+    robust: RobustPlace | None = None,
     cofactors: Cofactors | None = None,
     progress: Progress | None = None,
 ) -> AdjustedBlock:
@@ -285,8 +285,6 @@ def evaluate(
         The bundle and its minimum.
     robust
         A robust solution, if there is one: where the search for gross errors starts.
-    settled
-        Whether the robust steps have ended there.
     cofactors
         Those of the minimum in the datum of the solution, where they are known.
     progress
@@ -312,9 +310,8 @@ def evaluate(
         vtpv=vtpv,
         redundancy=redundancy,
         v=linear.e,
-        warnings=tuple(_warnings(problem, found, sigma0, robust, settled)),
+        warnings=tuple(_warnings(problem, found, sigma0, robust)),
         robust=robust,
-        robust_settled=settled,
     )
 
 
@@ -322,8 +319,7 @@ def _warnings(
     problem: Problem,
     found: Minimum,
     sigma0: float | None,
-    robust: BlockState | None,
-    settled: bool,
+    robust: RobustPlace | None,
 ) -> list[str]:
     linear = found.normal.linear
     out = []
@@ -337,8 +333,8 @@ def _warnings(
     if problem.redundancy == 0:
         out.append("no redundancy: nothing is checked")
     if sigma0 is not None and sigma0 > TORN:
-        start = found.state if robust is None else robust
-        worst = robust_suspects(problem, found.normal.structure, start, settled=settled)
+        start = RobustPlace(found.state) if robust is None else robust
+        worst = robust_suspects(problem, found.normal.structure, start)
         out.append(
             f"sigma0 is {sigma0:.0f} times what was expected: there are gross errors"
             + "".join(f"; {suspect.what} is off by {suspect.size}" for suspect in worst[:3])

@@ -13,7 +13,7 @@ from anaplot.bundle.adjust import adjust_problem
 from anaplot.bundle.errors.misfits import minimum_without_misfits
 from anaplot.bundle.solve import somepoints
 from anaplot.bundle.solve.gaussnewton import Step, damped_step
-from anaplot.bundle.solve.imaging import BlockState
+from anaplot.bundle.solve.imaging import BlockState, RobustPlace
 from anaplot.bundle.solve.linearised import linearise
 from anaplot.bundle.solve.problem import Problem, make_problem
 from anaplot.bundle.solve.somepoints import of_points, some_points
@@ -109,8 +109,8 @@ def test_some_points_lead_where_all_of_them_lead() -> None:
     assert settled.settled
     assert settled.explains(problem)
     np.testing.assert_allclose(settled.misfit, every.misfit, rtol=0.05)
-    here = far_off(problem, structure, settled.state, settled=True)
-    there = far_off(problem, structure, every.state)
+    here = far_off(problem, structure, settled.place)
+    there = far_off(problem, structure, RobustPlace(every.state))
     np.testing.assert_array_equal(here.rays, there.rays)
     assert here.rays.any()
 
@@ -181,7 +181,6 @@ def test_the_minimum_is_the_same(mismatches: float, monkeypatch: pytest.MonkeyPa
                 problem,
                 block.cofactors.normal.structure,
                 block.robust,
-                settled=block.robust_settled,
             )
             for block in (before, after)
         ]

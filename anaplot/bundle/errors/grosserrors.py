@@ -49,7 +49,7 @@ from anaplot.bundle.errors.photosofrejected import (
     losses_of_photos,
 )
 from anaplot.bundle.solve.adjusted import AdjustedBlock
-from anaplot.bundle.solve.imaging import BlockState
+from anaplot.bundle.solve.imaging import BlockState, RobustPlace
 from anaplot.bundle.solve.linearised import counted_misclosures
 from anaplot.bundle.solve.observations import ObservationName
 from anaplot.bundle.solve.problem import Problem, make_problem
@@ -354,13 +354,14 @@ def _second_place(problem: Problem, first: AdjustedBlock) -> _Second | None:
     if first.sigma0 is None or first.sigma0 <= _TORN:
         return None
     structure = first.cofactors.normal.structure
-    start = first.state if first.robust is None else first.robust
-    # of the same observations: what was rejected before, the robust steps have not seen
-    settled = first.robust_settled and not first.problem.newly_rejected.any()
+    start = RobustPlace(first.state) if first.robust is None else first.robust
+    if first.problem.newly_rejected.any():
+        # the robust steps have not seen what was rejected before
+        start = start._replace(settled=False)
     try:
-        least = minimum_without_misfits(problem, structure, start, settled=settled, enough=_NEAR)
+        least = minimum_without_misfits(problem, structure, start, enough=_NEAR)
         if least is None:
-            there = robust_state(problem, structure, start).state
+            there = robust_state(problem, structure, start.state).state
             return _Second(first.problem, BlockPlace(there), ())
     except np.linalg.LinAlgError:
         return None

@@ -7,7 +7,6 @@ block can be linearised: here it is adjusted without all that is far off from a 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -19,7 +18,7 @@ from anaplot.bundle.errors.leftout import missing, with_rows_of
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.datum import anchor, check_datum
 from anaplot.bundle.solve.gaussnewton import Minimum, NoConvergenceError, find_minimum
-from anaplot.bundle.solve.imaging import BlockState
+from anaplot.bundle.solve.imaging import BlockState, RobustPlace
 from anaplot.bundle.solve.linearised import counted_misclosures, linearise
 from anaplot.bundle.solve.normal import NormalEquations, PointError
 from anaplot.bundle.solve.observations import ObservationName
@@ -103,7 +102,7 @@ def adjust_without_misfits(
     start = replace(start, own=start.own[:, :0], shared=start.shared[:0])
     structure = make_structure(bare, start.centres)
     try:
-        least = minimum_without_misfits(bare, structure, start, progress=progress)
+        least = minimum_without_misfits(bare, structure, RobustPlace(start), progress=progress)
         if least is None:
             raise failure
         reduced, found = least
@@ -129,9 +128,8 @@ def points_gone(problem: Problem, reduced: Problem) -> tuple[str, ...]:
 def minimum_without_misfits(
     problem: Problem,
     structure: Structure,
-    start: BlockState,
+    start: RobustPlace,
     *,
-    settled: bool = False,
     enough: float = 0.0,
     progress: Progress | None = None,
 ) -> tuple[Problem, Minimum] | None:
@@ -147,8 +145,6 @@ def minimum_without_misfits(
         The bundle.
     start
         Where robust steps begin.
-    settled
-        Whether they have been taken already, and the start is where they ended.
     enough
         As `find_minimum` has it.
     progress
@@ -160,9 +156,10 @@ def minimum_without_misfits(
         The bundle also lacks the points of which too little is left. None where no minimum is found
         either, or control free of error is far off.
     """
-    for blamed in (_control_believed, _worst_of_points):
-        found = _minimum_without(problem, structure, start, settled, blamed, enough, progress)
-        if found is not None and (blamed is _control_believed or _fits(*found)):
+    off = far_off(problem, structure, start)
+    for worst_alone in (False, True):
+        found = _minimum_without(problem, structure, off, enough, progress, worst_alone=worst_alone)
+        if found is not None and (not worst_alone or _fits(*found)):
             return found
     return None
 
@@ -170,19 +167,22 @@ def minimum_without_misfits(
 def _minimum_without(
     problem: Problem,
     structure: Structure,
-    start: BlockState,
-    settled: bool,
-    blamed: Callable[[Problem, FarOff], FarOff | None],
+    off: FarOff,
     enough: float,
     progress: Progress | None,
+    *,
+    worst_alone: bool,
 ) -> tuple[Problem, Minimum] | None:
-    """Return the bundle without what is blamed of what is far off, and its minimum."""
+    """Return the bundle without what is far off, or the worst rays of it, and its minimum."""
+    start = off.state
     runaway: BlockState | None = None
-    for _ in range(_ROUNDS):
-        off = blamed(problem, far_off(problem, structure, start, settled=settled))
-        settled = False
-        if off is None:
+    for before in range(_ROUNDS):
+        if before:
+            off = far_off(problem, structure, RobustPlace(start))
+        believed = _control_believed(problem, off)
+        if believed is None:
             return None
+        off = _worst_of_points(problem, off) if worst_alone else believed
         smaller, start = _without(problem, off), off.state
         apart = _far_apart(smaller, off)
         if runaway is not None:
@@ -211,13 +211,8 @@ def _fits(problem: Problem, found: Minimum) -> bool:
     return found.convergence.last <= _FITS**2 * max(problem.redundancy, 1)
 
 
-def _worst_of_points(problem: Problem, off: FarOff) -> FarOff | None:
-    """Blame of every point the ray that misses most, and no control.
-
-    None where control free of error is to blame.
-    """
-    if _control_believed(problem, off) is None:
-        return None
+def _worst_of_points(problem: Problem, off: FarOff) -> FarOff:
+    """Blame of every point the ray that misses most, and no control."""
     size = _sizes(problem, off.state)
     size = np.where(off.rays, np.nan_to_num(size, nan=np.inf), -1.0)
     most = np.full(len(problem.points), -1.0)

@@ -15,7 +15,7 @@ from anaplot.adjustment.significance import TESTABLE
 from anaplot.adjustment.tested import AppliedTest, Observation, Tested, examine
 from anaplot.aliases import Array, Bools
 from anaplot.bundle.solve.gaussnewton import Convergence
-from anaplot.bundle.solve.imaging import BlockState
+from anaplot.bundle.solve.imaging import BlockState, RobustPlace
 from anaplot.bundle.solve.linearised import image_misclosures
 from anaplot.bundle.solve.observations import (
     ORIENTATION,
@@ -67,8 +67,6 @@ class AdjustedBlock:
         Sentences for a person about the solution.
     robust
         A robust solution, where one was looked for because of gross errors, or None.
-    robust_settled
-        Whether more robust steps from there would hardly move anything.
     """
 
     problem: Problem = field(repr=False)
@@ -79,8 +77,7 @@ class AdjustedBlock:
     redundancy: int
     v: Array = field(repr=False)
     warnings: tuple[str, ...]
-    robust: BlockState | None = field(default=None, repr=False)
-    robust_settled: bool = field(default=False, repr=False)
+    robust: RobustPlace | None = field(default=None, repr=False)
 
     @property
     def remarks(self) -> tuple[str, ...]:

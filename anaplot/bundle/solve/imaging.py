@@ -15,6 +15,7 @@ from anaplot.photogrammetry.lens import LENS_PARAMETERS, lens_fold, lens_places,
 __all__ = [
     "BlockState",
     "Imaged",
+    "RobustPlace",
     "imaged",
     "imaged_places",
     "imaged_with_derivatives",
@@ -49,6 +50,21 @@ class BlockState:
     own: Array
     shared: Array
     origin: Array
+
+
+class RobustPlace(NamedTuple):
+    """Where robust steps begin, or have ended.
+
+    Attributes
+    ----------
+    state
+        The state.
+    settled
+        Whether more such steps would hardly move anything.
+    """
+
+    state: BlockState
+    settled: bool = False
 
 
 def with_additional(problem: Problem, state: BlockState) -> BlockState:

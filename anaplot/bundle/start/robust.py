@@ -11,7 +11,7 @@ from anaplot.aliases import Array, Bools, Progress
 from anaplot.bundle.solve.datum import anchor
 from anaplot.bundle.solve.factor import NotPositiveError
 from anaplot.bundle.solve.gaussnewton import NoConvergenceError, damped_step
-from anaplot.bundle.solve.imaging import BlockState
+from anaplot.bundle.solve.imaging import BlockState, RobustPlace
 from anaplot.bundle.solve.linearised import (
     Linearised,
     beside_misclosures,
@@ -75,7 +75,7 @@ def no_minimum_error(
     state
         The best that it reached; None: the start, which is a robust solution.
     """
-    clearest = _clearest(problem, structure, start)
+    clearest = _clearest(problem, structure, RobustPlace(start))
     # where gross errors have bent the start, it is seen without them
     for at in (start, _with_fixed(problem, clearest.state)):
         by_noise = held_by_noise(problem, structure, at)
@@ -144,7 +144,7 @@ class RobustSuspect(NamedTuple):
 
 
 def robust_suspects(
-    problem: Problem, structure: Structure, start: BlockState, *, settled: bool = False
+    problem: Problem, structure: Structure, start: RobustPlace
 ) -> list[RobustSuspect]:
     """Return the measurements that a robust adjustment leaves far off, the worst first.
 
@@ -155,10 +155,8 @@ def robust_suspects(
     ----------
     problem, structure, start
         The bundle, and where the robust steps begin.
-    settled
-        Whether they have been taken already, and the start is where they ended.
     """
-    return _suspects(problem, _clearest(problem, structure, start, settled))
+    return _suspects(problem, _clearest(problem, structure, start))
 
 
 def _suspects(problem: Problem, clearest: _Clearest) -> list[RobustSuspect]:
@@ -224,19 +222,15 @@ class FarOff(NamedTuple):
     reach: float
 
 
-def far_off(
-    problem: Problem, structure: Structure, start: BlockState, *, settled: bool = False
-) -> FarOff:
+def far_off(problem: Problem, structure: Structure, start: RobustPlace) -> FarOff:
     """Return what a robust adjustment leaves far off, by the measure of `robust_suspects`.
 
     Parameters
     ----------
     problem, structure, start
-        The bundle, and where the robust steps begin.
-    settled
-        Whether they have been taken already, and the start is where they ended.
+        As `robust_suspects` has them.
     """
-    clearest = _clearest(problem, structure, start, settled)
+    clearest = _clearest(problem, structure, start)
     misfits, held = clearest.misfits, clearest.held
     control = np.zeros(len(problem.points), dtype=bool)
     if held.any():
@@ -285,18 +279,16 @@ class _Clearest(NamedTuple):
     misfits: _Misfits
 
 
-def _clearest(
-    problem: Problem, structure: Structure, start: BlockState, settled: bool = False
-) -> _Clearest:
+def _clearest(problem: Problem, structure: Structure, start: RobustPlace) -> _Clearest:
     """Return the robust solution that leaves fewest rays off, with and without new orientations."""
-    if settled:
-        state, (held, least) = start, _control(problem, start)
+    if start.settled:
+        state, (held, least) = start.state, _control(problem, start.state)
     else:
-        state, held, least, _ = _robust(problem, structure, start)
+        state, held, least, _ = _robust(problem, structure, start.state)
     misfits = _misfits(problem, held, state)
     off = _off(problem, misfits.image)
     if off > max(1, len(misfits.image) // 200):
-        again, *_ = _robust(problem, structure, reoriented(problem, start))
+        again, *_ = _robust(problem, structure, reoriented(problem, start.state))
         others = _misfits(problem, held, again)
         if _off(problem, others.image) <= off:
             state, misfits = again, others
@@ -336,6 +328,11 @@ class RobustState(NamedTuple):
     most_off: float
     settled: bool = False
     beside: bool = False
+
+    @property
+    def place(self) -> RobustPlace:
+        """Where it is, for other steps."""
+        return RobustPlace(self.state, self.settled)
 
     @property
     def grounded(self) -> bool:
