@@ -5,7 +5,6 @@ Where rows are cleaned apart from an adjustment without most of the wrong ones, 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import cached_property
 
 from scipy.sparse import csr_array
@@ -17,10 +16,10 @@ from anaplot.bundle.solve.factor import NotPositiveError
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.linearised import linearise
 from anaplot.bundle.solve.normal import PointError
-from anaplot.bundle.solve.observations import ObservationName, observations_at
+from anaplot.bundle.solve.observations import observations_at
 from anaplot.bundle.solve.openmovement import undetermined
 from anaplot.bundle.solve.problem import Problem
-from anaplot.bundle.solve.residuals import BlockResiduals, block_residuals
+from anaplot.bundle.solve.residuals import BlockResiduals, NamedRows, block_residuals
 from anaplot.bundle.solve.structure import Structure
 from anaplot.errors import NotComputableError
 
@@ -38,7 +37,7 @@ def left_open(
     return undetermined(problem, structure, linearise(problem, state), tie, error)
 
 
-class LaterResiduals:
+class LaterResiduals(NamedRows):
     """A block as a residual system, see `ResidualSystem`, that is solved when it is asked for.
 
     Parameters
@@ -66,21 +65,6 @@ class LaterResiduals:
             return block_residuals(problem, state, structure, linear=self.linear)
         except (PointError, NotPositiveError) as error:
             raise left_open(problem, structure, state, error) from error
-
-    @property
-    def names(self) -> Sequence[ObservationName]:
-        """Identities of the n rows."""
-        return self.rows.names
-
-    @property
-    def units(self) -> Sequence[str]:
-        """Units of the n rows."""
-        return self.rows.units
-
-    @property
-    def sigma(self) -> Array:
-        """(n,) a-priori standard deviations in the units."""
-        return self.rows.sigma
 
     @property
     def redundancy(self) -> int:

@@ -32,6 +32,7 @@ from anaplot.bundle.solve.imaging import imaged, imaged_places, seen_places
 from anaplot.bundle.solve.observations import ObservationName
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.remade import laid_out_again
+from anaplot.bundle.solve.runs import runs
 from anaplot.errors import NotComputableError
 
 __all__ = ["MisnamedRay", "misnamed_rays"]
@@ -202,10 +203,11 @@ class _Placed:
             near = ~mine
             mine[self._points[self._starts[photo] : self._starts[photo + 1]]] = True
             if len(mine) > _FEW:
-                rays = _ranges(self._first, np.flatnonzero(mine))
+                rays = runs(self._first[:-1][mine], np.diff(self._first)[mine])
                 beside = np.unique(self._problem.photo[rays])
                 near[:] = False
-                near[self._points[_ranges(self._starts, beside)]] = True
+                rays = runs(self._starts[beside], np.diff(self._starts)[beside])
+                near[self._points[rays]] = True
             self._around[photo] = np.flatnonzero(near & ~mine)
         return self._around[photo]
 
@@ -217,14 +219,6 @@ class _Placed:
         """
         out: Bools = self._enough[points] & (far > _SURE * sigma)
         return out
-
-
-def _ranges(starts: Index, which: Index) -> Index:
-    """Return all numbers from one of `starts` to before the next, for each of some."""
-    count = starts[which + 1] - starts[which]
-    ends = np.cumsum(count)
-    out: Index = np.arange(count.sum()) + np.repeat(starts[which] - ends + count, count)
-    return out
 
 
 def _far(places: Array, place: Array) -> Array:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anaplot.aliases import Array, Index
+from anaplot.bundle.solve.runs import runs
 
 __all__ = ["Dissection", "Front", "dissect"]
 
@@ -148,8 +149,7 @@ def _neighbours(rows: Index, indptr: Index, indices: Index) -> tuple[Index, Inde
     """(index into rows, neighbour) of every neighbour of the rows."""
     counts = indptr[rows + 1] - indptr[rows]
     owner = np.repeat(np.arange(len(rows)), counts)
-    starts = np.repeat(indptr[rows] - np.concatenate(([0], np.cumsum(counts)[:-1])), counts)
-    return owner, indices[starts + np.arange(len(owner))]
+    return owner, indices[runs(indptr[rows], counts)]
 
 
 def _fronts(

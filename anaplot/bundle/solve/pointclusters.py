@@ -14,6 +14,7 @@ import numpy as np
 
 from anaplot.aliases import Array, Index
 from anaplot.bundle.solve.problem import Problem
+from anaplot.bundle.solve.runs import runs
 
 __all__ = ["Cluster", "PointSet", "point_sets"]
 
@@ -141,8 +142,7 @@ def point_sets(problem: Problem, places: Array) -> list[PointSet]:
 
     def of(points: Index) -> PointSet:
         each = count[points]
-        ends = np.cumsum(each)
-        rays = np.arange(ends[-1]) + np.repeat(first[points] - ends + each, each)
+        rays = runs(first[points], each)
         at = np.repeat(np.arange(len(points)), each)
         again = _again(problem.photo[rays] * len(points) + at)
         most = int(again.max(initial=0)) + 1

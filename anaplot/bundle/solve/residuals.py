@@ -32,14 +32,44 @@ from anaplot.bundle.solve.reliability import Cofactors, compute_cofactors
 from anaplot.bundle.solve.reweighted import ReweightedBlock
 from anaplot.bundle.solve.structure import Structure
 
-__all__ = ["BlockResiduals", "block_residuals", "designed", "residuals_at", "residuals_of"]
+__all__ = [
+    "BlockResiduals",
+    "NamedRows",
+    "block_residuals",
+    "designed",
+    "residuals_at",
+    "residuals_of",
+]
 
 
 _PORTION = 60_000_000  # bytes of the largest array while columns are solved for
 
 
+class NamedRows:
+    """Observations of a block, by their identities."""
+
+    __slots__ = ()
+
+    rows: Observations
+
+    @property
+    def names(self) -> Sequence[ObservationName]:
+        """Identities of the n rows."""
+        return self.rows.names
+
+    @property
+    def units(self) -> Sequence[str]:
+        """Units of the n rows."""
+        return self.rows.units
+
+    @property
+    def sigma(self) -> Array:
+        """(n,) a-priori standard deviations in the units."""
+        return self.rows.sigma
+
+
 @dataclass(frozen=True, slots=True, eq=False)
-class BlockResiduals:
+class BlockResiduals(NamedRows):
     """A block as a residual system, see `ResidualSystem`.
 
     Attributes
@@ -77,21 +107,6 @@ class BlockResiduals:
     def whole(self) -> BlockResiduals:
         """Itself; see `LaterResiduals`."""
         return self
-
-    @property
-    def names(self) -> Sequence[ObservationName]:
-        """Identities of the n rows."""
-        return self.rows.names
-
-    @property
-    def units(self) -> Sequence[str]:
-        """Units of the n rows."""
-        return self.rows.units
-
-    @property
-    def sigma(self) -> Array:
-        """(n,) a-priori standard deviations in the units."""
-        return self.rows.sigma
 
     def columns(self, rows: Index) -> Array:
         """Return (n, k): the columns of R that belong to k rows; each is solved for once."""

@@ -12,6 +12,7 @@ import numpy as np
 
 from anaplot.aliases import Array, Bools, Index, Progress
 from anaplot.bundle.solve.problem import Problem
+from anaplot.bundle.solve.runs import runs
 from anaplot.bundle.start.stripmodels import strip_models
 from anaplot.bundle.start.subblock import SubBlock
 from anaplot.errors import NotComputableError
@@ -190,8 +191,7 @@ class _Strips:
     def _form_at_once(self, models: Index, carried: Bools) -> Bools:
         """Form models that carry on a chain or begin one; return those that are beyond doubt."""
         laid, count = self._models, np.diff(self._models.ends)[models]
-        rows = np.repeat(laid.ends[models] - (np.cumsum(count) - count), count)
-        rows += np.arange(len(rows))
+        rows = runs(laid.ends[models], count)
         of = np.repeat(np.arange(len(models)), count)
         before = laid.before[rows]
         tied = carried[of] & (before >= 0) & self._has[before] & laid.counts[rows, 0]

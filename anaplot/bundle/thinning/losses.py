@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from anaplot.aliases import Array, Bools, Index
+from anaplot.bundle.solve.runs import runs
 from anaplot.bundle.solve.structure import Piece
 from anaplot.bundle.thinning.thinned import Thinned
 
@@ -227,9 +228,7 @@ class Losses:
     def _rays(self, points: Index) -> tuple[Index, Index]:
         """Return the rays of points, one after the other, and where each begins."""
         first, count = self._first[points], np.diff(self._first)[points]
-        starts = np.cumsum(count) - count
-        rays = np.arange(int(count.sum())) + np.repeat(first - starts, count)
-        return rays, starts
+        return runs(first, count), np.cumsum(count) - count
 
     def _seen(
         self, rays: Index, starts: Index, x: Array, s: Array, gone: list[tuple[_Unknowns, Array]]
