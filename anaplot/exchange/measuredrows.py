@@ -86,13 +86,8 @@ def measured_rows(
 
     Parameters
     ----------
-    path
-        The file.
-    block
-        The block as its block.toml declares it: its photos, cameras and models. Without strips
-        and with one camera, photos need not be declared.
-    raw
-        What stands in the file; None: it is opened.
+    path, block, raw
+        As `parse_image_points` has them.
     either
         Columns of coordinates, see `read_csv`.
     more

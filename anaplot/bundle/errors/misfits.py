@@ -26,6 +26,7 @@ from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.remade import among_points, without_points
 from anaplot.bundle.solve.selection import FAR_APART
 from anaplot.bundle.solve.structure import Structure, make_structure
+from anaplot.bundle.start.bestminimum import fits
 from anaplot.bundle.start.halfrays import met_planes
 from anaplot.bundle.start.pointknowledge import WIDE, equations_knowing
 from anaplot.bundle.start.robust import FarOff, far_off
@@ -41,7 +42,6 @@ __all__ = [
 
 
 _ROUNDS = 4
-_FITS = 4.0  # sigma0 up to which what is left fits
 _TELL = 7  # equations of a point from which it is told which of its rays is wrong
 _VOTE = 6  # from which rays that all contradict what is known of it tell that this is wrong
 _ENOUGH = 0.01  # of a point's weakest direction that must be left
@@ -159,7 +159,7 @@ def minimum_without_misfits(
     off = far_off(problem, structure, start)
     for worst_alone in (False, True):
         found = _minimum_without(problem, structure, off, enough, progress, worst_alone=worst_alone)
-        if found is not None and (not worst_alone or _fits(*found)):
+        if found is not None and (not worst_alone or fits(*found)):
             return found
     return None
 
@@ -204,11 +204,6 @@ def _minimum_without(
         except NotComputableError:
             return None
     return None
-
-
-def _fits(problem: Problem, found: Minimum) -> bool:
-    """Whether nothing else in a bundle is far off."""
-    return found.convergence.last <= _FITS**2 * max(problem.redundancy, 1)
 
 
 def _worst_of_points(problem: Problem, off: FarOff) -> FarOff:

@@ -126,10 +126,11 @@ def approximate_ways(problem: Problem) -> list[Way]:
                 lambda then: vertical_subblock(problem, then, reach=LEVEL, graph=graph())
             )
             return None
-        if not _misses_by_far(problem, subblock):
+        missed = _misses(problem, subblock)
+        if not missed > _far(problem):
             return state_of(problem, subblock)
         oriented = None
-        if _misses(problem, subblock) <= _DOUBTFUL:
+        if missed <= _DOUBTFUL:
             # level over relief, or not level: robust steps tell, and cost less than pairs
             oriented = _oriented_from(problem, subblock, progress)
         if oriented is None:
@@ -165,17 +166,18 @@ def approximate_ways(problem: Problem) -> list[Way]:
 
 def doubtful(problem: Problem, start: BlockState) -> bool:
     """Whether the rays of a start miss by so much that few steps tell whether it leads anywhere."""
-    return _misses_by_far(problem, SubBlock(start.centres, start.rotations, start.points))
+    subblock = SubBlock(start.centres, start.rotations, start.points)
+    return _misses(problem, subblock) > _far(problem)
 
 
-def _misses_by_far(problem: Problem, subblock: SubBlock) -> bool:
-    """Whether rays miss by so much that a start often leads nowhere.
+def _far(problem: Problem) -> float:
+    """Return beyond which share of c rays miss by so much that a start often leads nowhere.
 
     Unknowns take up a share of any misfit: points of two rays fit photos that are anything but
     level, as only one of their four coordinates says so.
     """
     shown = np.sqrt(max(problem.redundancy, 1) / problem.observations)
-    return _misses(problem, subblock) > _DOUBTFUL * float(shown)
+    return _DOUBTFUL * float(shown)
 
 
 def _oriented_from(
