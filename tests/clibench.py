@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,6 +16,7 @@ from anaplot.cli import main
 from anaplot.exchange.blockfolder import write_image_points, write_new_block
 from anaplot.photogrammetry.block import ImagePoint, TestSettings
 from anaplot.planning.synthetic import synthetic_strip
+from anaplot.report.commandparser import CommandParser, commands_of
 
 ROOT = Path(__file__).parents[1]
 TIMEOUT = 120.0
@@ -24,6 +25,13 @@ TIMEOUT = 120.0
 # what packages announce for their later releases is no failure of today's command
 ANNOUNCED = ("DeprecationWarning", "PendingDeprecationWarning", "FutureWarning")
 WARNINGS = ",".join(("error", *(f"ignore::{kind}" for kind in ANNOUNCED)))
+
+
+def every_parser(parser: CommandParser) -> Iterator[CommandParser]:
+    """The parser and those of all commands below it."""
+    yield parser
+    for one in commands_of(parser).values():
+        yield from every_parser(one)
 
 
 def environment(**more: str) -> dict[str, str]:

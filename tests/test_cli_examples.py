@@ -4,26 +4,18 @@ from __future__ import annotations
 
 import shlex
 import shutil
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from clibench import every_parser
 
 from anaplot.cli import command_parser, main
 from anaplot.exchange.blockfolder import read_block, write_control, write_image_points
 from anaplot.orientation.strip import bridge_strip
 from anaplot.photogrammetry.block import ControlPoint
 from anaplot.plotter.profile import find_profiles
-from anaplot.report.commandparser import CommandParser, commands_of
-
-
-def every_parser(parser: CommandParser) -> Iterator[CommandParser]:
-    yield parser
-    for one in commands_of(parser).values():
-        yield from every_parser(one)
-
 
 PARSERS = {one.prog: one for one in every_parser(command_parser())}
 EXAMPLES = tuple(dict.fromkeys(line for one in PARSERS.values() for line in one.examples))

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import argparse
 import re
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from clibench import every_parser
 
 from anaplot.adjustment.strategies import STRATEGIES
 from anaplot.cli import command_parser
@@ -36,12 +36,6 @@ def test_every_option_stands_on_its_page(page: str, add: object) -> None:
     known = options(add) - {"--help", "-h"}
     assert known - told == set()
     assert set(re.findall(r"`(--[a-z][a-z-]*)", text)) - known - OUTPUT == set()
-
-
-def every_parser(parser: CommandParser) -> Iterator[CommandParser]:
-    yield parser
-    for one in commands_of(parser).values():
-        yield from every_parser(one)
 
 
 @pytest.mark.parametrize(

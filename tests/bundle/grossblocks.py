@@ -6,6 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from anaplot.bundle.adjust import adjust_problem
+from anaplot.bundle.solve.imaging import BlockState
+from anaplot.bundle.solve.problem import Problem, make_problem
 from anaplot.photogrammetry.block import Block
 from anaplot.planning.blockplan import BlockPlan, plan_block
 
@@ -25,6 +28,12 @@ def planned(
         for c in made.control
     )
     return replace(made, image_points=rows, control=control)
+
+
+def weak() -> tuple[Problem, BlockState]:
+    """Three strips with a side lap of 30 %, and their minimum."""
+    problem = make_problem(planned(1, strips=3))
+    return problem, adjust_problem(problem).state
 
 
 def interchanged(block: Block, photo: str, one: str, other: str) -> Block:

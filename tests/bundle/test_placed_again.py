@@ -6,13 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from grossblocks import mismatched, planned
+from grossblocks import mismatched, planned, weak
 
 from anaplot.adjustment.findings import SearchSettings
 from anaplot.bundle.adjust import adjust_problem
 from anaplot.bundle.errors.grosserrors import block_gross_errors
 from anaplot.bundle.errors.photosofrejected import hardly_checked_photos
-from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.posteriors import posterior_of
 from anaplot.bundle.solve.problem import Problem, make_problem
 from anaplot.bundle.start.placedagain import hardly_checked, placed_again
@@ -20,12 +19,6 @@ from anaplot.bundle.start.robust import OFF
 from anaplot.photogrammetry.block import PointPrior
 from anaplot.photogrammetry.objectconditions import ObjectCondition
 from anaplot.photogrammetry.rotation import rotation_matrix
-
-
-def weak() -> tuple[Problem, BlockState]:
-    """Three strips with a side lap of 30 %, and their minimum."""
-    problem = make_problem(planned(1, strips=3))
-    return problem, adjust_problem(problem).state
 
 
 def of_photo(problem: Problem, name: str) -> dict[str, int]:

@@ -6,20 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from grossblocks import mismatched, planned
+from grossblocks import mismatched, planned, weak
 
 from anaplot.bundle.adjust import adjust_problem
 from anaplot.bundle.errors.misfits import adjust_without_misfits
-from anaplot.bundle.solve.imaging import BlockState
-from anaplot.bundle.solve.problem import Problem, make_problem
+from anaplot.bundle.solve.problem import make_problem
 from anaplot.bundle.start.regrown import regrown
 from anaplot.photogrammetry.rotation import rotation_matrix
-
-
-def weak() -> tuple[Problem, BlockState]:
-    """Three strips with a side lap of 30 %, and their minimum."""
-    problem = make_problem(planned(1, strips=3))
-    return problem, adjust_problem(problem).state
 
 
 def test_a_turned_half_of_a_strip_comes_back() -> None:

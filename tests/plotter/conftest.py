@@ -4,9 +4,9 @@ import threading
 from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import pytest
+from processes import nothing_stays
 
 from anaplot.plotter.decoder import Decoder
 from anaplot.plotter.device.hand import Hand, HandSettled, Offsets
@@ -18,18 +18,11 @@ from anaplot.plotter.schema import Profile
 WAIT = 30.0  # generous: an event that does not come in this time does not come
 
 
-def _descriptors() -> int:
-    folder = Path("/proc/self/fd")
-    return len(list(folder.iterdir())) if folder.is_dir() else 0
-
-
 @pytest.fixture
 def nothing_left() -> Iterator[None]:
     """No descriptor and no thread may be left when the test is over."""
-    threads, descriptors = set(threading.enumerate()), _descriptors()
-    yield
-    assert set(threading.enumerate()) <= threads
-    assert _descriptors() == descriptors
+    with nothing_stays():
+        yield
 
 
 class Heard:

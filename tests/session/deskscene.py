@@ -9,6 +9,7 @@ import numpy as np
 from anaplot.errors import AnaplotError
 from anaplot.photogrammetry.block import Block
 from anaplot.photogrammetry.readings import InPosition, Position, Record
+from anaplot.session.changes import Change, Happened, changes
 from anaplot.session.commanding import decide
 from anaplot.session.commands import Accept, Command, Drive, NextModel
 from anaplot.session.desk import Desk
@@ -19,7 +20,7 @@ from anaplot.session.hearing import hear
 from anaplot.session.requests import DriveTo, Request, SetMark, Tell
 from anaplot.session.state import fold, start
 
-__all__ = ["DRIVEN", "DRIVEN_MONO", "MONO", "UNDRIVEN", "Bench", "refusal"]
+__all__ = ["DRIVEN", "DRIVEN_MONO", "MONO", "UNDRIVEN", "Bench", "refusal", "told"]
 
 DRIVEN = Abilities()
 UNDRIVEN = Abilities(drives=False, moves=False)
@@ -138,3 +139,9 @@ def refusal(desk: Desk, command: Command, seen: Seen) -> str | None:
     except AnaplotError as error:
         refused = error
     return None if refused is None else str(refused)
+
+
+def told(bench: Bench) -> tuple[Change, ...]:
+    """What a bench's events say to a person."""
+    block = bench.desk.state.block
+    return changes(block, (Happened("2026-01-01T10:00:00Z", "me", e) for e in bench.events))

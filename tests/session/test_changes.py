@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from deskscene import DRIVEN, MONO, Bench
+from deskscene import DRIVEN, MONO, Bench, told
 from sessionscene import Scene
 
 from anaplot.exchange.journal import event_of, read_journal
-from anaplot.session.changes import Change, Happened, changes
+from anaplot.session.changes import Happened, changes
 from anaplot.session.commands import (
     Accept,
     KeepCounters,
@@ -27,11 +27,6 @@ from anaplot.session.state import EventRefusedError
 from anaplot.station.replay import recorded_block
 
 SESSIONS = Path(__file__).parents[1] / "sessions"
-
-
-def told(bench: Bench) -> tuple[Change, ...]:
-    block = bench.desk.state.block
-    return changes(block, (Happened("2026-01-01T10:00:00Z", "me", e) for e in bench.events))
 
 
 def test_a_first_measurement_and_a_second_one(scene: Scene) -> None:

@@ -3,23 +3,18 @@
 from __future__ import annotations
 
 import pytest
-from deskscene import DRIVEN, DRIVEN_MONO, Bench
+from deskscene import DRIVEN, DRIVEN_MONO, Bench, told
 from innerscene import InnerScene
 from sessionscene import Scene
 
 from anaplot.errors import InputError
-from anaplot.session.changes import Change, Happened, changes
+from anaplot.session.changes import Happened, changes
 from anaplot.session.commands import Accept, GiveReason, NextModel, Suspend, Switch, Undo
 from anaplot.session.events import Event, FiducialSwitched, ReasonGiven, Undone
 from anaplot.session.reasons import REASONS, LastChange
 from anaplot.session.requests import WritePoints
 from anaplot.session.state import EventRefusedError, apply
 from anaplot.station.imagepoints import rows_of
-
-
-def told(bench: Bench) -> tuple[Change, ...]:
-    block = bench.desk.state.block
-    return changes(block, (Happened("2026-01-01T10:00:00Z", "me", e) for e in bench.events))
 
 
 @pytest.fixture

@@ -1,11 +1,11 @@
 from __future__ import annotations
 
-import threading
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from processes import nothing_stays
 from stationbench import Bench
 
 from anaplot.photogrammetry.block import TestSettings
@@ -13,18 +13,11 @@ from anaplot.planning.synthetic import synthetic_strip
 from anaplot.station.blockwatch import BlockWatch
 
 
-def _descriptors() -> int:
-    folder = Path("/proc/self/fd")
-    return len(list(folder.iterdir())) if folder.is_dir() else 0
-
-
 @pytest.fixture(autouse=True)
 def nothing_left() -> Iterator[None]:
     """No descriptor and no thread may be left when a test is over."""
-    threads, descriptors = set(threading.enumerate()), _descriptors()
-    yield
-    assert set(threading.enumerate()) <= threads
-    assert _descriptors() == descriptors
+    with nothing_stays():
+        yield
 
 
 @pytest.fixture

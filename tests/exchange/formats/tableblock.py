@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
 
+from anaplot.exchange.formats.door import Note
 from anaplot.photogrammetry.block import (
     Block,
     Camera,
@@ -92,6 +94,11 @@ def pixel_table_block() -> Block:
         control=(replace(control[0], use="check"), *control[1:]),
         in_pixels=True,
     )
+
+
+def texts(notes: Iterable[Note]) -> str:
+    """What a door says of what it read or wrote, a note a line."""
+    return "\n".join(f"{note.what} {note.count} {note.text}" for note in notes)
 
 
 def measured_of(block: Block) -> dict[tuple[str, str], tuple[float, float]]:

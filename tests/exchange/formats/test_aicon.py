@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tableblock import rays_of, table_block
+from tableblock import rays_of, table_block, texts
 
 from anaplot.cli import main
 from anaplot.errors import InputError
@@ -29,10 +29,6 @@ IOR = "Ck -28.5\nxh 0.1\nyh -0.05\nA1 -1e-4\nA2 2e-7\nB1 1e-5\nB2 -2e-5\nC1 1e-4
 EOR = "1 1000.5 2000.25 3000 0.1 -0.2 3.0\n9 0 0 0 0 0 0\n"
 OBC = "7 100.5 200.25 300 0.01 0.02 0.03\n8 1 2 3\n"
 SCALE = "7 8 1250.125 0.05\n7 99 10 0.05\n"
-
-
-def texts(notes) -> str:
-    return "\n".join(f"{note.what} {note.count} {note.text}" for note in notes)
 
 
 def project(folder: Path) -> Path:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tableblock import pixel_table_block, table_block
+from tableblock import pixel_table_block, table_block, texts
 
 from anaplot.bundle.adjust import adjust_block
 from anaplot.cli import main
@@ -51,10 +51,6 @@ def problem() -> str:
 
 
 PROBLEM = problem()
-
-
-def texts(notes) -> str:
-    return "\n".join(f"{note.what} {note.count} {note.text}" for note in notes)
 
 
 def test_a_problem_without_errors_adjusts_to_nothing(tmp_path: Path) -> None:

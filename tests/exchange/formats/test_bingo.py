@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from tableblock import rays_of, table_block
+from tableblock import rays_of, table_block, texts
 
 from anaplot.cli import main
 from anaplot.errors import InputError
@@ -49,10 +49,6 @@ ORIA 101 1000.0 2000.0 1950.0 1.5 -2.25 50.0 0
 ORIA 999 1000.0 2000.0 1950.0 1.5 -2.25 50.0 0
 CORD 7 1 2 3
 """
-
-
-def texts(notes) -> str:
-    return "\n".join(f"{note.what} {note.count} {note.text}" for note in notes)
 
 
 def folder(tmp_path: Path, images: str = IMAGES, geoin: str = GEOIN, itera: str = ITERA) -> Path:

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from tableblock import measured_of, pixel_table_block, table_block
+from tableblock import measured_of, pixel_table_block, table_block, texts
 
 from anaplot.bundle.adjust import adjust_block
 from anaplot.errors import InputError
@@ -24,10 +24,6 @@ SHARED = next(
     ),
     None,
 )
-
-
-def texts(notes) -> str:
-    return "\n".join(f"{note.what} {note.count} {note.text}" for note in notes)
 
 
 def test_a_block_in_pixels_goes_out_and_comes_in(tmp_path: Path) -> None:

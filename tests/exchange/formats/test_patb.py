@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from tableblock import C, rays_of, table_block
+from tableblock import C, rays_of, table_block, texts
 
 from anaplot.cli import main
 from anaplot.errors import InputError
@@ -58,10 +58,6 @@ CAMERA = """\
  -99
 """
 OPTIONS = ImportOptions(sigma_um=4.0)
-
-
-def texts(notes) -> str:
-    return "\n".join(f"{note.what} {note.count} {note.text}" for note in notes)
 
 
 def test_a_project_goes_out_and_comes_in_exactly(tmp_path: Path) -> None:
