@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import contextlib
 import io
 import re
@@ -9,6 +10,7 @@ import string
 import sys
 from difflib import SequenceMatcher
 from pathlib import Path
+from typing import Any
 
 import pytest
 from clibench import here, one_line
@@ -126,6 +128,28 @@ def test_commands_stand_in_groups_in_the_order_of_the_work() -> None:
     assert places == sorted(places)
     for title, names in parser.groups:
         assert text.index(f"  {title}:\n") < text.index(f"\n    {names[0]} ")
+
+
+def test_a_python_that_hands_on_formatters_gets_the_same_help(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As those do that colour a help by the file it is printed to."""
+    usual = command_parser().format_help()
+    old = argparse.ArgumentParser
+    formatter_of, help_of, print_message = old._get_formatter, old.format_help, old._print_message
+
+    def help_with(self: argparse.ArgumentParser, formatter: object = None) -> str:
+        assert formatter is not None
+        return help_of(self)
+
+    def print_help(self: Any, file: Any = None) -> None:
+        print_message(self, self.format_help(formatter=self._get_formatter(file)), file)
+
+    monkeypatch.setattr(old, "_get_formatter", lambda self, file=None: formatter_of(self))
+    monkeypatch.setattr(old, "format_help", help_with)
+    monkeypatch.setattr(old, "print_help", print_help)
+    command_parser().print_help(sys.stdout)
+    assert capsys.readouterr().out == usual
 
 
 def test_what_prints_tables_writes_them_as_csv() -> None:

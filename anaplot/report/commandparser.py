@@ -80,13 +80,15 @@ class CommandParser(argparse.ArgumentParser):
         self.groups: list[tuple[str, list[str]]] = []
         super().__init__(**{"formatter_class": _Help, **said})
 
-    def format_help(self) -> str:
+    # Pythons from 3.14 on, which colour helps, hand on a formatter, and the file it is for
+    def format_help(self, *given: Any, **named: Any) -> str:
         """Return the help with the examples at its end."""
         shown = [f"  {one}\n" for one in self.examples]
-        return super().format_help() + "".join(["\nexamples:\n", *shown] if shown else [])
+        text = super().format_help(*given, **named)
+        return text + "".join(["\nexamples:\n", *shown] if shown else [])
 
-    def _get_formatter(self) -> argparse.HelpFormatter:
-        formatter = super()._get_formatter()
+    def _get_formatter(self, *given: Any, **named: Any) -> argparse.HelpFormatter:
+        formatter = super()._get_formatter(*given, **named)
         if isinstance(formatter, _Help):
             formatter.groups = self.groups
         return formatter

@@ -174,5 +174,7 @@ def recognised(source: Path) -> Format:
         return found[0]
     kinds = ", ".join(one.kind for one in found or readable)
     if not found:
-        raise InputError(f"{place(source)}: of no known format: name it ({kinds})")
+        raise InputError(
+            f"{place(source)}: of no known format: name it ({kinds}; any table is pixels)"
+        )
     raise InputError(f"{place(source)}: may be {kinds}: name it")

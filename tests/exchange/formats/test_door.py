@@ -78,6 +78,7 @@ def test_a_block_comes_in_and_goes_out(tmp_path: Path, capsys: pytest.CaptureFix
         (["plain", "nowhere"], "nowhere: no such file"),
         (["plane", "source"], "did you mean 'plain'"),
         (["other"], "of no known format"),
+        (["other"], "any table is pixels)"),
         (["nothere"], "nothere: no such file or folder"),
         (["plain"], "SOURCE is missing"),
         (["plain", "source", "--unit", "mm"], "--unit: plain has no use for it"),
