@@ -371,6 +371,11 @@ def _aimed(centres: np.ndarray, aims: np.ndarray, roll: np.ndarray | float) -> n
     return np.matmul(np.stack((x, np.cross(z, x), z), axis=2), turn)
 
 
+def looking_at(centres: np.ndarray, aims: np.ndarray) -> np.ndarray:
+    """(n, 3, 3) rotations of upright photos that look at a place each."""
+    return _aimed(centres, aims, 0.0)
+
+
 def _turned(rng: np.random.Generator, kappa: np.ndarray, tilt: float) -> np.ndarray:
     """(n, 3, 3) rotations of photos that look down."""
     return np.array(

@@ -106,7 +106,7 @@ def best_minimum(
             solution = robust_state(problem, structure, at, of_some=of_some, progress=progress)
         except (NotComputableError, np.linalg.LinAlgError):
             return None
-        if closest is None or solution.off < closest.solution.off:
+        if closest is None or solution.better_than(closest.solution, problem):
             closest = _Closest(solution, structure)
         return solution
 
@@ -127,7 +127,7 @@ def best_minimum(
         waiting.sort(key=lambda one: one.rays_off)
         way = ways.pop(0) if new else None
         known = None if new else waiting[0].solution
-        if known is not None and tried is not None and known.off >= tried.off:
+        if known is not None and tried is not None and not known.better_than(tried, problem):
             # most photos are oriented by both, and no fewer rays are off
             waiting.pop(0)
             continue
@@ -173,7 +173,7 @@ def best_minimum(
         while solution is not None and not solution.explains(problem):
             again = grown(solution)
             other = None if again is None else robust(again, structure)
-            if again is None or other is None or other.off >= solution.off:
+            if again is None or other is None or not other.better_than(solution, problem):
                 break
             start, solution = again, other
         if (
@@ -191,7 +191,7 @@ def best_minimum(
             continue
         if found is not None and not (solution and solution.explains(problem)):
             other = robust(found.state, structure)
-            if solution is None or (other is not None and other.off < solution.off):
+            if solution is None or (other is not None and other.better_than(solution, problem)):
                 solution = other
         in_vain = solution is not None and foreseen_torn(problem, structure, solution)
         if solution is not None and not in_vain and not _led_there(problem, solution, found):
@@ -201,14 +201,16 @@ def best_minimum(
         if problem.datum == "control" and (
             solution is None or not solution.grounded or not solution.explains(problem)
         ):
-            laid = from_free_network(problem, start, progress)
+            oriented = solution is not None and solution.orients(problem)
+            beginning = solution.state if solution is not None and oriented else start
+            laid = from_free_network(problem, beginning, progress)
             if laid is not None:
                 other = robust(laid, structure)
                 in_vain = other is not None and foreseen_torn(problem, structure, other)
                 found = None if in_vain else minimum(laid, structure)
                 if other and not in_vain and (found is None or not fits(problem, found)):
                     found = minimum(other.state, structure)
-                if other is not None and (solution is None or other.off < solution.off):
+                if other and (solution is None or other.better_than(solution, problem)):
                     solution = other
                 if found is not None and fits(problem, found):
                     break

@@ -369,6 +369,16 @@ class RobustState(NamedTuple):
         """Whether coordinates that are off are at most a share of the redundancy."""
         return 2 * self.rays_off <= share * problem.redundancy
 
+    def better_than(self, other: RobustState, problem: Problem) -> bool:
+        """Whether fewer rays are off, and then fewer control points.
+
+        Of two that orient the photos a few rays more or less say nothing: either ray of a point of
+        two may be the one that is off. The one that lies on its control counts then.
+        """
+        if self.beside != other.beside and self.orients(problem) and other.orients(problem):
+            return other.beside
+        return self.off < other.off
+
     @property
     def off(self) -> tuple[int, int]:
         """How many rays and how many control points are off."""

@@ -46,7 +46,7 @@ def settled(problem: Problem, structure: Structure, solution: RobustState) -> Ro
                 other = robust_state(problem, structure, place(problem, before.state))
             except (NotComputableError, np.linalg.LinAlgError):
                 continue
-            if other.off < solution.off:
+            if other.better_than(solution, problem):
                 solution = other
         if solution is before:
             break
