@@ -6,6 +6,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, TypeVar
 
+from textual.app import App
 from textual.screen import Screen
 from textual.worker import get_current_worker
 
@@ -50,9 +51,10 @@ class Beside:
             self._again = True
             return
         self._running, self._again = True, False
-        self._screen.run_worker(self._run, thread=True)
+        # asked for here: a screen that is closed meanwhile has no application any more
+        self._screen.run_worker(partial(self._run, self._screen.app), thread=True)
 
-    def _run(self) -> None:
+    def _run(self, app: App[Any]) -> None:
         worker = get_current_worker()
         try:
             told: Callable[[], None] = partial(self._done, self._compute())
@@ -61,7 +63,7 @@ class Beside:
         except Exception as error:  # noqa: BLE001 - measuring goes on; the operator is told
             told = partial(self._failed, f"unexpected {type(error).__name__}: {error}")
         if not worker.is_cancelled:
-            self._screen.app.call_from_thread(self._finish, told)
+            app.call_from_thread(self._finish, told)
 
     def _finish(self, told: Callable[[], None]) -> None:
         self._running = False
