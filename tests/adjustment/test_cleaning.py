@@ -101,6 +101,30 @@ def test_a_start_that_is_the_solution_is_not_solved_again() -> None:
     assert (end.out, end.solved, subject.solved) == (ALL, known, 1)
 
 
+class Swaying(Circle):
+    """A circle of which one row may be rejected in every pass, now this and now that."""
+
+    one = (3, 11, 3, 3)
+    number = 0
+
+    def residuals(self, at: np.ndarray, number: int) -> DenseResiduals:
+        self.number = number
+        return super().residuals(at, number)
+
+    def suspects(self, system: ResidualSystem) -> np.ndarray:
+        return np.arange(len(system.names)) == self.one[self.number - 1]
+
+
+def test_rows_that_come_again_are_no_circle_where_the_weights_have_begun_otherwise() -> None:
+    errors = {3: 2.0, 11: -1.5}
+    end = cleaning(Swaying(errors), "danish", as_given=True).run(START, None)
+    assert end.settled
+    assert (end.out, len(end.passes)) == ({3}, 4)
+    end = cleaning(Swaying(errors), "baarda", as_given=True).run(START, None)
+    assert not end.settled
+    assert end.remarks[0].startswith("the rejected observations did not settle in 3 passes")
+
+
 def test_what_cannot_be_left_out_stays_and_is_named() -> None:
     subject = Circle({11: -0.08}, needed=(11,))
     end = cleaning(subject, "baarda").run(START, None)
