@@ -111,17 +111,26 @@ class StripStatus:
 
 
 class NextStep(NamedTuple):
-    """What is to be done next, where, and by which command; "" where it is not one."""
+    """What is to be done next, where, and by which command; "" where it is not one.
+
+    inner: the photo whose inner orientation is in work; the point is a fiducial then.
+    """
 
     do: Literal["measure", "return", "accept", "adjust"]
     command: str
     model: str = ""
     photo: str = ""
     point: str = ""
+    inner: str = ""
 
     @property
     def words(self) -> str:
         """What it is, without the command."""
+        if self.inner and self.do == "accept":
+            return f"accept the inner orientation of photo {self.inner}"
+        if self.inner:
+            what = f"fiducial {self.point}" if self.point else "the fiducials"
+            return f"measure {what} of photo {self.inner}"
         what = {
             "measure": "measure",
             "accept": "accept",
@@ -514,9 +523,10 @@ def following(
     opening = f"anaplot open {folder}"
     if state is not None and state.current is not None and ahead is not None:
         model = state.current.name
+        inner = "" if ahead.inner is None else ahead.inner.state.photo
         if ahead.next_point is None and ahead.may_accept:
-            return NextStep("accept", opening, model)
-        return NextStep("measure", opening, model, point=ahead.next_point or "")
+            return NextStep("accept", opening, model, inner=inner)
+        return NextStep("measure", opening, model, point=ahead.next_point or "", inner=inner)
     if view is not None:
         from anaplot.station.returnadvice import surely_wrong
 

@@ -52,7 +52,13 @@ def test_a_model_begins_with_the_inner_orientation_of_both_photos(bench: Bench, 
     # the plates drive to the first fiducial by themselves
     assert first.target == first.next_point == "1"
     assert first.expected == "measure fiducial 1 of photo 101 (left): 8 of 8 to go"
+    said = station.snapshot().status
+    assert said is not None
+    assert said.next.words == "measure fiducial 1 of photo 101"
     measure_fiducials(station, watch)
+    said = station.snapshot().status
+    assert said is not None
+    assert said.next.words == "accept the inner orientation of photo 101"
     inner = inner_of(station)
     assert inner.solution is not None
     assert (inner.solution.kind, inner.solution.redundancy) == ("bilinear", 8)
