@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Set
+from collections.abc import Iterable, Iterator, Set
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
@@ -471,26 +471,36 @@ def with_table(
 
 def coverage_of(block: Block) -> Coverage:
     """Return a block's lateral ties and control, as far as they are measured."""
-    photos_of: dict[str, set[str]] = {}
-    for photo, point in names_of(block.image_points):
-        photos_of.setdefault(point, set()).add(photo)
     known = [point.point for point in block.control if point.use != "off"]
+    photos_of: dict[str, set[str]] = {name: set() for name in known}
+    of_photo = _strips_of_photos(block.strips)
+    strips_of: dict[str, frozenset[str]] = {}
+    # looked at after every accepted model: a point of one strip alone keeps that strip's set
+    for photo, point in names_of(block.image_points):
+        if point in photos_of:
+            photos_of[point].add(photo)
+        own = of_photo.get(photo)
+        if own is not None and strips_of.setdefault(point, own) is not own:
+            strips_of[point] |= own
     return Coverage(
-        _lateral_ties(block.strips, photos_of),
+        sum(len(strips) > 1 for strips in strips_of.values()),
         len(known),
-        sum(len(photos_of.get(point, ())) > 1 for point in known),
+        sum(len(photos_of[point]) > 1 for point in known),
     )
 
 
-def _lateral_ties(strips: Iterable[Strip], photos_of: Mapping[str, set[str]]) -> int:
-    strips_of: dict[str, set[str]] = {}
+def _strips_of_photos(strips: Iterable[Strip]) -> dict[str, frozenset[str]]:
+    """Return the strips of every photo, those of the same strips by the same set."""
+    found: dict[str, set[str]] = {}
     for strip in strips:
         for photo in strip.photos:
-            strips_of.setdefault(photo, set()).add(strip.id)
-    return sum(
-        len(set().union(*(strips_of.get(photo, set()) for photo in photos))) > 1
-        for photos in photos_of.values()
-    )
+            found.setdefault(photo, set()).add(strip.id)
+    same: dict[frozenset[str], frozenset[str]] = {}
+    out = {}
+    for photo, ids in found.items():
+        of = frozenset(ids)
+        out[photo] = same.setdefault(of, of)
+    return out
 
 
 def following(

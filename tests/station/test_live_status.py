@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 from dataclasses import replace
 
 import pytest
@@ -14,7 +15,7 @@ from anaplot.session.events import ModelAccepted, ModelReopened, RowSwitched
 from anaplot.session.models import solve
 from anaplot.session.state import SessionState, apply, fold
 from anaplot.session.workflow import outlook
-from anaplot.station.blockstatus import BlockStatus, status_of
+from anaplot.station.blockstatus import BlockStatus, coverage_of, status_of
 from anaplot.station.blockview import BlockView, FlaggedCoordinate, SuspectedPoint, SuspectedRay
 from anaplot.station.imagepoints import rows_of
 from anaplot.station.livestatus import LiveStatus
@@ -210,3 +211,33 @@ def test_models_from_elsewhere_are_accepted_and_control_is_seen() -> None:
     assert live.coverage == (0, 2, 1)
     # the session has not measured it: that is what its next key does
     assert live.next.model == "101/102"
+
+
+def test_lateral_ties_and_control_are_those_of_the_photos_that_see_them() -> None:
+    block = Scene(photos=4).block
+    draw = random.Random(3)
+    photos = [f"f{k}" for k in range(7)]
+    found = set()
+    for _ in range(40):
+        # photos of no strip, and of several; points measured twice in one photo
+        strips = tuple(
+            replace(block.strips[0], id=f"s{k}", photos=tuple(draw.sample(photos, 3)))
+            for k in range(draw.randint(0, 3))
+        )
+        seen = [(draw.choice(photos), f"p{draw.randint(0, 5)}") for _ in range(draw.randint(0, 15))]
+        one = replace(
+            block,
+            strips=strips,
+            image_points=tuple(ImagePoint(*names, 1.0, 2.0) for names in seen),
+            control=(ControlPoint("p1", (1.0, 2.0, 3.0)), ControlPoint("none", (1.0, 2.0, 3.0))),
+        )
+        tied = {
+            point: {s.id for s in strips for photo, p in seen if p == point and photo in s.photos}
+            for _, point in seen
+        }
+        lateral = sum(len(ids) > 1 for ids in tied.values())
+        twice = len({photo for photo, point in seen if point == "p1"}) > 1
+        assert coverage_of(one) == (lateral, 2, int(twice))
+        found.add((lateral, twice))
+    assert {lateral for lateral, _ in found} > {0, 1, 2}
+    assert {twice for _, twice in found} == {False, True}
