@@ -38,6 +38,7 @@ def test_a_new_block_is_open(tmp_path: Path, capsys: pytest.CaptureFixture[str])
         "model": "1/2",
         "photo": None,
         "point": None,
+        "inner": None,
     }
     assert main(["status", str(folder)]) == 0
     said = capsys.readouterr().out
@@ -111,6 +112,7 @@ def test_a_wrong_point_is_returned_to(tmp_path: Path, capsys: pytest.CaptureFixt
         "model": "101/102",
         "photo": "102",
         "point": "102-2",
+        "inner": None,
     }
     assert main(["status", str(folder)]) == 0
     assert "NEXT: return to model 101/102, point 102-2" in capsys.readouterr().out
