@@ -30,6 +30,7 @@ _POINT = struct.Struct("<Q3d3BdQ")
 _PAIR = struct.Struct("<2I")  # an _ELEMENT
 _NONE = 2**64 - 1
 _MOST = 2**63 - 1
+_FEWEST = min(model.parameters for model in MODELS.values())
 _MAX_NAME = 4096  # bytes
 
 
@@ -119,7 +120,7 @@ def binary_model(folder: Path) -> ColmapModel:
 
 def _cameras(cursor: _Cursor) -> dict[int, ColmapCamera]:
     out: dict[int, ColmapCamera] = {}
-    for _ in range(cursor.count(_CAMERA.size + 24, "cameras")):
+    for _ in range(cursor.count(_CAMERA.size + 8 * _FEWEST, "cameras")):
         number, model, width, height = _CAMERA.unpack(cursor.take(_CAMERA.size, "a camera"))
         if model not in MODELS:
             raise cursor.fail(f"camera {number}: no camera model has the number {model}")

@@ -66,7 +66,7 @@ MODELS = {
     14: _Model("SIMPLE_FISHEYE", False, 0, "fisheye"),
     15: _Model("FISHEYE", True, 0, "fisheye"),
     16: _Model("EUCM", True, 2, ""),
-    17: _Model("EQUIRECTANGULAR", False, 0, ""),
+    17: _Model("EQUIRECTANGULAR", False, -1, ""),  # width and height alone
 }
 """Camera models by COLMAP's numbers."""
 

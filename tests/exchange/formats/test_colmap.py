@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import struct
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
@@ -500,7 +501,7 @@ HOSTILE = [
     ("cameras", b"9 PINHOLE 0 5 1 1 3 3", "images of 0 x 5 px"),
     ("cameras", b"9 PINHOLE 5 5 0 1 3 3", "a focal length that is not greater than 0"),
     ("cameras", b"9 PINHOLE 5 5 nan 1 3 3", "must be a finite number, not 'nan'"),
-    ("cameras", b"9 EQUIRECTANGULAR 5 5 1 1 3", "the model EQUIRECTANGULAR is not read"),
+    ("cameras", b"9 EQUIRECTANGULAR 5 5 5 5", "the model EQUIRECTANGULAR is not read"),
     ("cameras", b"9 EUCM 5 5 1 1 3 3 .5 1", "the model EUCM is not read"),
     ("images", b"99 1 0 0 0 0 0 0 8 x.jpg\n", "there is no camera 8"),
     ("images", b"5 1 0 0 0 0 0 0 3 x.jpg\n", "two images have the number '5'"),
@@ -533,6 +534,14 @@ def test_text_that_is_wrong_is_named(
     assert error.count("\n") == 1
     assert "\x1b" not in error
     assert not (tmp_path / "b").exists()
+
+
+def test_a_panorama_alone_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    source = sample().write(tmp_path / "in", text=False)
+    camera = struct.pack("<QIiQQ2d", 1, 3, 17, 1024, 512, 1024.0, 512.0)  # width and height again
+    (source / "cameras.bin").write_bytes(camera)
+    assert main(["import", "colmap", str(source), "-o", str(tmp_path / "b")]) == 2
+    assert "camera 3: the model EQUIRECTANGULAR is not read" in capsys.readouterr().err
 
 
 def damaged(made: Sample, part: str, at: int, data: bytes) -> bytes:
