@@ -23,6 +23,7 @@ from anaplot.bundle.solve.problem import Datum, Problem, make_problem
 from anaplot.bundle.solve.reliability import Cofactors, compute_cofactors
 from anaplot.bundle.solve.structure import make_structure
 from anaplot.bundle.start.bestminimum import best_minimum, check_held, fits, soft
+from anaplot.bundle.start.freenetwork import mirror_remark, unsolved_error
 from anaplot.bundle.start.halfrays import (
     half_seen,
     settled_points,
@@ -30,7 +31,7 @@ from anaplot.bundle.start.halfrays import (
     without_doubtful,
 )
 from anaplot.bundle.start.pull import TORN
-from anaplot.bundle.start.robust import no_minimum_error, robust_suspects
+from anaplot.bundle.start.robust import robust_suspects
 from anaplot.bundle.start.stated import stated_remarks
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import Block
@@ -261,7 +262,7 @@ def adjust_bundle(
     except NoConvergenceError as error:
         if not objective(problem, start)[0] < float("inf"):
             raise
-        raise no_minimum_error(problem, structure, start, error.state) from error
+        raise unsolved_error(problem, structure, start, error.state) from error
     # of additional parameters only the rank is judged: weak ones have large standard deviations
     if soft(found) and problem.additional is None:
         check_held(problem, found, start if robust is None else robust)
@@ -339,4 +340,7 @@ def _warnings(
             f"sigma0 is {sigma0:.0f} times what was expected: there are gross errors"
             + "".join(f"; {suspect.what} is off by {suspect.size}" for suspect in worst[:3])
         )
+        mirrored = mirror_remark(problem, start.state)
+        if mirrored is not None:
+            out.append(mirrored)
     return out

@@ -24,13 +24,12 @@ from anaplot.bundle.start.approximate import (
     doubtful,
 )
 from anaplot.bundle.start.bysomepoints import oriented_by_some
-from anaplot.bundle.start.freenetwork import from_free_network
+from anaplot.bundle.start.freenetwork import from_free_network, unsolved_error
 from anaplot.bundle.start.pull import foreseen_torn, minimum_nearby, torn
 from anaplot.bundle.start.regrown import regrown
 from anaplot.bundle.start.robust import (
     RobustState,
     Waiting,
-    no_minimum_error,
     robust_state,
 )
 from anaplot.bundle.start.settling import settled
@@ -267,9 +266,9 @@ def _led_to(
         found = minimum_nearby(problem, structure, solution.state, progress=progress)
     except NoConvergenceError as error:
         best = error.state if reached is None else reached
-        raise no_minimum_error(problem, structure, solution.state, best) from error
+        raise unsolved_error(problem, structure, solution.state, best) from error
     if found is None:
-        raise no_minimum_error(problem, structure, solution.state)
+        raise unsolved_error(problem, structure, solution.state)
     _check_minimum(problem, found, solution.state)
     return found, solution
 

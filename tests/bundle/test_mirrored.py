@@ -1,0 +1,79 @@
+"""Control that is the mirror image of what the photos show is told, and nothing else is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bundleblocks import aerial
+
+from anaplot.bundle.adjust import adjust_block
+from anaplot.errors import NotComputableError
+from anaplot.photogrammetry.block import Block, ControlPoint
+
+TOLD = "mirror image"
+
+
+def block(relief: float = 120.0) -> Block:
+    made = aerial(relief=relief, control_sigma=0.02, noise_um=5.0)
+    return replace(made.block, conditions=())
+
+
+def said(of: Block) -> str:
+    try:
+        return " ".join(adjust_block(of).warnings)
+    except NotComputableError as error:
+        return str(error)
+
+
+def measured(change: Callable[[float, float], tuple[float, float]]) -> Block:
+    made = block()
+    rows = []
+    for row in made.image_points:
+        x, y = change(row.x, row.y)
+        rows.append(replace(row, x=x, y=y))
+    return replace(made, image_points=tuple(rows))
+
+
+def moved(made: Block, change: Callable[[ControlPoint], list[float | None]]) -> Block:
+    control = tuple(replace(row, xyz=tuple(change(row))) for row in made.control)
+    return replace(made, control=control)
+
+
+IMAGES = {"y": lambda x, y: (x, -y), "x": lambda x, y: (-x, y), "both": lambda x, y: (y, x)}
+GROUND = {"X and Y": lambda x, y, z: [y, x, z], "Z": lambda x, y, z: [x, y, -z]}
+
+
+@pytest.mark.parametrize("which", IMAGES)
+def test_mirrored_images_are_told(which: str) -> None:
+    assert TOLD in said(measured(IMAGES[which]))
+
+
+@pytest.mark.parametrize("which", GROUND)
+def test_left_handed_control_is_told(which: str) -> None:
+    assert TOLD in said(moved(block(), lambda row: GROUND[which](*row.xyz)))
+
+
+def test_images_turned_by_180_degrees_and_wild_control_are_not_mirrored() -> None:
+    assert said(measured(lambda x, y: (-x, -y))) == ""
+    rng = np.random.default_rng(4)
+    wild = moved(block(), lambda row: [float(v or 0.0) + 80.0 * rng.normal() for v in row.xyz])
+    assert "gross errors" in (told := said(wild)) or "no solution" in told
+    assert TOLD not in told
+
+
+@pytest.mark.slow
+def test_one_control_point_that_is_wrong_does_not_hide_the_mirror_image() -> None:
+    made = measured(lambda x, y: (x, -y))
+    first, *others = made.control
+    wrong = replace(first, xyz=(5000.0, *first.xyz[1:]))
+    assert TOLD in said(replace(made, control=(wrong, *others)))
+
+
+def test_control_in_a_plane_tells_no_mirror_image() -> None:
+    flat = block(relief=0.0)
+    assert said(flat) == ""
+    crooked = moved(flat, lambda row: [1.5 * (row.xyz[0] or 0.0), *row.xyz[1:]])
+    assert TOLD not in said(crooked)
