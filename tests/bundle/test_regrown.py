@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from grossblocks import mismatched, planned, weak
+from scipy.spatial.transform import Rotation
 
 from anaplot.bundle.adjust import adjust_problem
 from anaplot.bundle.errors.misfits import adjust_without_misfits
@@ -38,6 +39,27 @@ def test_what_holds_together_or_nowhere_is_left() -> None:
     assert regrown(problem, state) is None
     rng = np.random.default_rng(1)
     assert regrown(problem, replace(state, centres=rng.permutation(state.centres))) is None
+
+
+def test_a_photo_turned_about_a_line_of_its_points_ties_nothing() -> None:
+    problem, state = weak()
+    photo = problem.photos.index("204")
+    rays = np.bincount(problem.point, minlength=len(problem.points))
+    mine = problem.point[problem.photo == photo]
+    along = np.abs(state.points[mine] - state.centres[photo])[:, 0]
+    line = mine[(along < 60.0) & (rays[mine] > 2)]
+    assert len(line) > 2
+    about = state.points[line].mean(axis=0)
+    axis = state.points[line[-1]] - state.points[line[0]]
+    turn = Rotation.from_rotvec(0.1 * axis / np.linalg.norm(axis)).as_matrix()
+    centres, rotations = state.centres.copy(), state.rotations.copy()
+    centres[photo] = turn @ (centres[photo] - about) + about
+    rotations[photo] = turn @ rotations[photo]
+    away = float(np.linalg.norm(centres - state.centres, axis=1).max())
+    again = regrown(problem, replace(state, centres=centres, rotations=rotations))
+    assert again is not None
+    off = again.centres + again.origin - state.centres - state.origin
+    assert float(np.linalg.norm(off, axis=1).max()) < away / 10.0
 
 
 @pytest.mark.slow

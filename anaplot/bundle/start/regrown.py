@@ -2,7 +2,8 @@
 
 Weak ties break where a ray far off is among them: a strip is turned about the line of its common
 points, half a strip lies beside the other half. Every photo agrees with its neighbours then, but
-for those at the break.
+for those at the break. These fit either side by some of their rays, and would hold both together
+as they are: they stand alone until the parts are joined.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from anaplot.bundle.solve.linearised import counted_misclosures
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.start.absolute import to_ground
 from anaplot.bundle.start.approximate import grown_whole
-from anaplot.bundle.start.robust import OFF
+from anaplot.bundle.start.robust import OF_A_PHOTO, OFF
 from anaplot.bundle.start.subblock import SubBlock, unit_rays
 from anaplot.bundle.start.viewgraph import view_graph
 
@@ -68,12 +69,17 @@ def _alone(problem: Problem, state: BlockState, rays: Array, photos: Bools) -> S
 
 
 def _parts(problem: Problem, state: BlockState) -> Index:
-    """(photos,) numbers of the parts that points of three rays and more hold together."""
+    """(photos,) numbers of the parts that points of three rays and more hold together.
+
+    Photos of which many rays are off are parts by themselves.
+    """
+    n = len(problem.photos)
     e = counted_misclosures(problem, state)[0] * problem.sigma_xy
     fits = np.linalg.norm(e, axis=1) <= OFF * problem.sigma
-    firm = np.bincount(problem.point, fits, len(problem.points)) >= _FIRM
-    use = fits & firm[problem.point]
-    n = len(problem.photos)
+    astray = np.bincount(problem.photo, ~fits, n) > OF_A_PHOTO * np.bincount(problem.photo, None, n)
+    use = fits & ~astray[problem.photo]
+    firm = np.bincount(problem.point, use, len(problem.points)) >= _FIRM
+    use &= firm[problem.point]
     seen = view_graph(problem, use)
     tied = seen.common >= _TIES
     graph = sparse.coo_matrix((seen.common[tied], tuple(seen.pairs[tied].T)), shape=(n, n))

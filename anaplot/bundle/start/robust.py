@@ -31,6 +31,7 @@ from anaplot.errors import NotComputableError
 
 __all__ = [
     "OFF",
+    "OF_A_PHOTO",
     "FarOff",
     "RobustState",
     "RobustSuspect",
@@ -46,13 +47,15 @@ __all__ = [
 OFF = 20.0
 """Sigmas by which a ray or control is off."""
 
+OF_A_PHOTO = 0.25
+"""Share of a photo's rays that may be off where it is oriented rightly."""
+
 _ROBUST = 1e-4  # of n: squared change of the whitened residuals where robust steps end
 _STEPS = 12
 _AGREED = "where most measurements agree, sigma0 is"
 _RESECTED = 30  # photos that are resected at most when a culprit is looked for
 _FEW = 200  # rays of which one may be off in any case
-_SCATTERED = 0.05  # of the redundancy: coordinates that may be off, as long as no photo has more
-_OF_A_PHOTO = 0.25  # than this share of its rays off
+_SCATTERED = 0.05  # of the redundancy: coordinates that may be off, scattered over the photos
 _TRUE = 1e-3  # of c: right orientations miss by less, in the median
 _WRONG = 0.45  # share of its rays off that a photo of a wrong solution has, at least
 _AGREE = 0.1  # of the redundancy: coordinates that may be off where all others agree
@@ -347,7 +350,7 @@ class RobustState(NamedTuple):
         """
         if self.rays_off <= max(1, len(problem.photo) // _FEW):
             return True
-        return self.most_off <= _OF_A_PHOTO and self._told_by_others(problem, _SCATTERED)
+        return self.most_off <= OF_A_PHOTO and self._told_by_others(problem, _SCATTERED)
 
     def orients(self, problem: Problem) -> bool:
         """Whether the photos are oriented rightly, however many rays are wrong.
@@ -355,7 +358,7 @@ class RobustState(NamedTuple):
         Of no photo many rays are off then (.08 to .21 in our tests), and the others fit well. Few
         that fit well do not do: wrong photos may, by the rest of their rays.
         """
-        return self.most_off <= _OF_A_PHOTO and self.misfit <= _TRUE * float(np.median(problem.c))
+        return self.most_off <= OF_A_PHOTO and self.misfit <= _TRUE * float(np.median(problem.c))
 
     def misleads(self, problem: Problem) -> bool:
         """Whether some photos are oriented wrongly, and the others do not fit either."""
