@@ -18,7 +18,7 @@ from threading import Event, Thread
 from typing import Any, NamedTuple
 
 from anaplot.errors import AnaplotError, InputError, NotComputableError
-from anaplot.shares.work import Failed, Sent, SharesLostError, forget, versions_here
+from anaplot.shares.work import REPEATS, Failed, Sent, SharesLostError, forget, versions_here
 from anaplot.textfiles.wording import plain
 
 __all__ = ["Cluster"]
@@ -193,10 +193,17 @@ class _Cluster:
             raise SharesLostError(f"{self._of.named()} has had no worker for {self._of.alone:g} s")
 
     def renew(self) -> None:
-        with self._asking():
-            self._client.wait_for_workers(1, timeout=self._of.patience)
-            # every worker keeps it, so that one that is lost does not take it along
-            self._there = self._client.scatter(self._sent, broadcast=True, hash=False)
+        for left in reversed(range(REPEATS + 1)):
+            with self._asking():
+                self._client.wait_for_workers(1, timeout=self._of.patience)
+                try:
+                    # every worker keeps it, so that one that is lost does not take it along
+                    self._there = self._client.scatter(self._sent, broadcast=True, hash=False)
+                    return
+                except OSError:
+                    # a worker that is lost just now breaks off the answer, not only the scheduler
+                    if not left:
+                        raise
 
     @contextmanager
     def _asking(self) -> Iterator[None]:

@@ -22,7 +22,7 @@ from anaplot.cli import main
 from anaplot.errors import InputError, NotComputableError
 from anaplot.planning.montecarlo import ChunkDone
 from anaplot.shares.cluster import Cluster, _Cluster
-from anaplot.shares.work import SharesLostError, carry_out, versions_here
+from anaplot.shares.work import REPEATS, SharesLostError, carry_out, versions_here
 
 # twenty shares
 CALL = ["plan", "simulate", "6/3", "--strategy", "baarda,tau", "--runs", "1000", "--json"]
@@ -136,6 +136,38 @@ class Dask:
 
     def nthreads(self) -> dict[str, int]:
         return {"a": 1}
+
+
+class Losing(Dask):
+    """A client that loses a worker while it hands out what all need."""
+
+    def __init__(self, executor: Executor, times: int) -> None:
+        super().__init__(executor)
+        self.times, self.asked = times, 0
+
+    def scatter(self, sent: Any, **_: object) -> Any:
+        self.asked += 1
+        if self.asked <= self.times:
+            raise OSError("in <TCP (closed) ConnectionPool.scatter>: Stream is closed")
+        return sent
+
+
+@pytest.mark.parametrize("times", [0, 1, REPEATS])
+def test_a_worker_that_is_lost_while_all_are_given_the_work_does_not_end_it(times: int) -> None:
+    work = Failing(-1)
+    with ThreadPoolExecutor(1) as executor:
+        client = Losing(executor, times)
+        there = _Cluster(Cluster("head:1"), client, work)
+        assert client.asked == times + 1
+        assert there.hand_out(3).result() == work.do(3)
+
+
+def test_a_scheduler_that_never_hands_out_the_work_is_lost() -> None:
+    with ThreadPoolExecutor(1) as executor:
+        client = Losing(executor, 99)
+        with pytest.raises(SharesLostError, match="dask://head:1 was lost half-way"):
+            _Cluster(Cluster("head:1"), client, Failing(-1))
+    assert client.asked == REPEATS + 1
 
 
 class Threads:
