@@ -7,12 +7,14 @@ opened; the connection is that of dask's configuration, also where that asks for
 
 from __future__ import annotations
 
+import asyncio
 import logging
 import pickle
 import time
 from collections.abc import Iterator
 from concurrent.futures import CancelledError, Future
 from contextlib import contextmanager, suppress
+from functools import partial
 from importlib import import_module
 from threading import Event, Thread
 from typing import Any, NamedTuple
@@ -145,7 +147,6 @@ class _Cluster:
 
     def __init__(self, of: Cluster, client: Any, sent: Sent[Any, Any]) -> None:
         self._of, self._client, self._sent = of, client, sent
-        self._executor = client.get_executor(pure=False)
         self._counted, self._threads = 0.0, 1
         self._seen = time.monotonic()
         self.renew()
@@ -166,8 +167,12 @@ class _Cluster:
             self._seen = self._counted
 
     def hand_out(self, share: Any) -> Future[Any]:
+        done: Future[Any] = Future()
         with self._asking():
-            done: Future[Any] = self._executor.submit(_do_sent, self._there, share)
+            # not its executor: that takes an answer whose worker is lost just then for an error
+            asked = self._client.submit(_do_sent, self._there, share, pure=False)
+            done.add_done_callback(partial(_give_up, asked))
+            asked.add_done_callback(partial(_hand_on, done))
         return done
 
     def was_lost(self, error: BaseException) -> bool:
@@ -212,6 +217,25 @@ class _Cluster:
         except Exception as error:
             # whatever a client makes of having lost its scheduler, that is what it means
             raise SharesLostError(f"{self._of.named()} was lost half-way") from error
+
+
+def _hand_on(done: Future[Any], asked: Any) -> None:
+    """Tell what became of a share; in a thread of dask's client."""
+    if not done.set_running_or_notify_cancel():
+        return
+    try:
+        found = asked.result()
+    except asyncio.CancelledError as error:
+        done.set_exception(CancelledError(*error.args))  # that of asyncio is no Exception
+    except BaseException as error:  # noqa: BLE001 - it is handed on
+        done.set_exception(error)
+    else:
+        done.set_result(found)
+
+
+def _give_up(asked: Any, done: Future[Any]) -> None:
+    if done.cancelled():
+        asked.cancel()
 
 
 def _do_sent(sent: Sent[Any, Any], share: Any) -> Any:
