@@ -17,9 +17,11 @@ from anaplot.exchange.journalsnapshot import Snapshot, snapshots_of
 from anaplot.exchange.recordline import (
     JOURNAL_FORMAT,
     MAX_LINE,
+    OPENING,
     DamagedLineError,
     JournalRecord,
     Keep,
+    UnknownKindError,
     claimed_format,
     decode_line,
 )
@@ -50,7 +52,6 @@ MAX_FILE_BYTES = 256_000_000
 """Largest file that is read: four times the length at which the next one is begun."""
 
 _CHUNK = 1 << 20
-_OPENING = ("header", "opened")
 _BEGINNING = b'{"seq":'
 _FILE_NAME = re.compile(r"([0-9]{4,99})\.jsonl")
 
@@ -170,7 +171,7 @@ def read_journal(path: Path, *, keep: Keep | None = None) -> Recovered:
     else:
         scan = scan_folder(folder, keep)
         if not scan.files:
-            raise InputError(f"{place(folder)}: holds no journal (0001.jsonl)")
+            raise InputError(f"{place(folder)}: holds no journal (0001.jsonl): it was never opened")
     remarks = list(scan.remarks)
     last = scan.files[-1]
     if last.tail is not None:
@@ -321,7 +322,7 @@ class _Wanted(dict[str, bool]):
         self._keep = keep
 
     def __missing__(self, kind: str) -> bool:
-        wanted = self._keep is None or kind in _OPENING or self._keep(kind)
+        wanted = self._keep is None or kind in OPENING or self._keep(kind)
         return self.setdefault(kind, wanted)
 
 
@@ -385,13 +386,15 @@ class _FileReader:
                     raise self._damaged(line, damage) from None
                 tail, lacks_end = self._tail(file, raw, line, size - good, damage), False
                 break
+            except UnknownKindError as error:
+                raise self._fail(line, str(error)) from None
             seq, kind = record.seq, record.kind
-            if line == 1 or kind in _OPENING:
+            if line == 1 or kind in OPENING:
                 self._check_opening(record)
             if self._seq is not None and seq != self._seq + 1:
                 raise self._fail(line, f"record {seq} where {self._seq + 1} should follow")
             self._seq = seq
-            if wanted and (kind not in _OPENING or self._keep is None or self._keep(kind)):
+            if wanted and (kind not in OPENING or self._keep is None or self._keep(kind)):
                 self._records.append(record)
             good += len(raw)
             crc = zlib.crc32(raw, crc)

@@ -15,10 +15,12 @@ from anaplot.textfiles.wording import quoted, reason
 __all__ = [
     "JOURNAL_FORMAT",
     "MAX_LINE",
+    "OPENING",
     "DamagedLineError",
     "JournalError",
     "JournalRecord",
     "Keep",
+    "UnknownKindError",
     "claimed_format",
     "decode_line",
     "encode_line",
@@ -29,8 +31,11 @@ JOURNAL_FORMAT = 1
 MAX_LINE = 1_000_000
 """Longest line [bytes], its end included."""
 
+OPENING = ("header", "opened")
+"""Kinds of records that say in which format what follows is."""
+
 Keep = Callable[[str], bool]
-"""Says of a kind of record whether its payload is wanted."""
+"""Says of a kind of record whether its payload is wanted; raises UnknownKindError."""
 
 _KIND = re.compile(r"[a-z][a-z0-9-]{0,39}")
 _RESERVED = frozenset(("seq", "t", "kind", "durable", "crc"))
@@ -59,6 +64,10 @@ class DamagedLineError(Exception):
     def __init__(self, why: str, *, changed: bool = True) -> None:
         super().__init__(why)
         self.changed = changed
+
+
+class UnknownKindError(Exception):
+    """A record is of a kind that its reader must know and does not; the text says which."""
 
 
 class JournalRecord(NamedTuple):

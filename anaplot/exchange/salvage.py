@@ -12,11 +12,14 @@ from pathlib import Path
 from typing import BinaryIO
 
 from anaplot.errors import InputError
+from anaplot.exchange.journalkinds import is_known
 from anaplot.exchange.journalread import MAX_FILE_BYTES, check_format, folder_of, numbered_files
 from anaplot.exchange.recordline import (
     MAX_LINE,
+    OPENING,
     DamagedLineError,
     JournalRecord,
+    UnknownKindError,
     claimed_format,
     decode_line,
 )
@@ -160,8 +163,12 @@ def _whole(raw: bytes, name: str, line: int) -> tuple[JournalRecord | None, str]
         except DamagedLineError as damage:
             why = why or str(damage)
             continue
-        if record.kind in ("header", "opened"):
+        if record.kind in OPENING:
             check_format(record.payload.get("format", 0), name, line)
+        try:
+            is_known(record.kind)
+        except UnknownKindError as error:
+            raise InputError(f"{name} line {line}: {error}") from None
         return record, why
     claimed = claimed_format(raw) if line == 1 else None
     if claimed is not None:

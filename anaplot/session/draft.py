@@ -13,12 +13,11 @@ from anaplot.session.events import Event
 from anaplot.session.heard import Abilities, Seen
 from anaplot.session.modelstate import ModelState
 from anaplot.session.modes import Mode
+from anaplot.session.notes import Note, NoteKind
 from anaplot.session.repeating import Repeating
 from anaplot.session.requests import DriveTo, Request, Severity, Tell
 
-__all__ = ["Decision", "Draft", "Note"]
-
-Note = tuple[str, Mapping[str, Any]]
+__all__ = ["Decision", "Draft"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,7 +85,7 @@ class Draft:
         self.desk = self.desk.folded(*events)
         self._events += events
 
-    def note(self, kind: str, payload: Mapping[str, Any]) -> None:
+    def note(self, kind: NoteKind, payload: Mapping[str, Any]) -> None:
         """Explain for the journal."""
         self._notes.append((kind, payload))
 

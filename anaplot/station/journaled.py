@@ -62,11 +62,11 @@ def journaled(folder: Path, block: Block) -> Journaled:
     if not os.path.lexists(sessions) or (sessions.is_dir() and not any(sessions.glob("*.jsonl"))):
         return Journaled()
     from anaplot.exchange.journal import read_journal
-    from anaplot.session.events import EVENT_KINDS
+    from anaplot.exchange.journalkinds import is_event
     from anaplot.session.state import start
 
     try:
-        records = read_journal(folder, keep=lambda kind: kind in EVENT_KINDS).records
+        records = read_journal(folder, keep=is_event).records
         if not records:
             return Journaled(start(block))  # nothing happened that a file could differ from
         return _compared(folder, block, records)

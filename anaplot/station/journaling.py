@@ -9,6 +9,7 @@ from typing import Any, Literal
 from anaplot.exchange.eventcodec import event_to_payload
 from anaplot.exchange.journal import Journal, JournalError
 from anaplot.session.events import Event
+from anaplot.session.notes import NoteKind
 from anaplot.session.workflow import Outlook
 from anaplot.station.idlepolls import Item, folded, is_one_run, recent_part
 from anaplot.station.tables import inner_table_payload, table_payload
@@ -168,7 +169,9 @@ class Recorder:
             return str(error)
         return ""
 
-    def note(self, kind: str, payload: Mapping[str, Any]) -> None:
+    def note(
+        self, kind: NoteKind | Literal["table", "inner-table"], payload: Mapping[str, Any]
+    ) -> None:
         """Write something that follows from events (a table) or explains them (a refusal)."""
         records = [*self._gathered(), (kind, payload)]
         self._journal.append_many(records, durable=False)

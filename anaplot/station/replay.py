@@ -19,7 +19,9 @@ from anaplot.errors import AnaplotError, InputError
 from anaplot.exchange.blockfolder import read_block
 from anaplot.exchange.blocktoml import parse_block_toml
 from anaplot.exchange.journal import JournalRecord, event_of, read_journal
+from anaplot.exchange.journalkinds import is_known
 from anaplot.exchange.patternfile import is_pattern_file
+from anaplot.exchange.recordline import OPENING
 from anaplot.photogrammetry.block import Block
 from anaplot.plotter.decoder import Decoder
 from anaplot.plotter.profile import recorded_profile
@@ -134,7 +136,7 @@ def recorded_block(session: Path, records: Iterable[JournalRecord]) -> Block:
     """
     records = tuple(records)
     for record in records:
-        if record.kind not in ("header", "opened"):
+        if record.kind not in OPENING:
             break
         said = opened_by(record)
         if said.block_toml is not None:
@@ -156,7 +158,7 @@ def _with_pattern(block: Block, records: Sequence[JournalRecord]) -> Block:
     if name is None or not is_pattern_file(name):
         return block
     for record in reversed(records):
-        if record.kind in ("header", "opened"):
+        if record.kind in OPENING:
             said = opened_by(record)
             if said.pattern == name and said.pattern_points is not None:
                 points = said.pattern_points
@@ -179,7 +181,7 @@ def replay_session(session: Path, progress: Progress | None = None) -> Replayed:
     InputError
         It cannot be read, is damaged, or does not fit its block.
     """
-    records = read_journal(session).records
+    records = read_journal(session, keep=is_known).records
     block = recorded_block(session, records)
     state = start(block)
     tables = measurements = 0
@@ -231,7 +233,7 @@ def replay(
         event: Event | None = None
         difference: str | None = None
         compared = False
-        if record.kind in ("header", "opened"):
+        if record.kind in OPENING:
             difference = line.opened(opened_by(record))
         elif record.kind == "traffic":
             line.traffic(record)

@@ -12,6 +12,7 @@ from typing import TextIO
 
 from anaplot.errors import AnaplotError, InputError
 from anaplot.exchange.journal import JournalRecord, read_journal
+from anaplot.exchange.journalkinds import is_known
 from anaplot.photogrammetry.block import Block
 from anaplot.session.commands import Command
 from anaplot.session.desk import Desk
@@ -59,7 +60,7 @@ class ReplayStation(Commanded):
 
     def __init__(self, session: Path, speed: float) -> None:
         super().__init__(session)
-        self._records = read_journal(session).records
+        self._records = read_journal(session, keep=is_known).records
         self._block = recorded_block(session, self._records)
         self._speed = speed
         self._stop = threading.Event()

@@ -19,11 +19,12 @@ from anaplot.exchange.journal import (
     event_of,
     read_journal,
 )
+from anaplot.exchange.journalkinds import is_event
 from anaplot.exchange.journalread import Choice
 from anaplot.exchange.journalsnapshot import Snapshot
 from anaplot.exchange.statecodec import StateWriter, state_from_text
 from anaplot.photogrammetry.block import Block
-from anaplot.session.events import EVENT_KINDS, Event, FiducialMeasured
+from anaplot.session.events import Event, FiducialMeasured
 from anaplot.session.pointedat import Target, Targets, pointed_at
 from anaplot.session.state import EventRefusedError, SessionState, apply, fold, start
 from anaplot.station.imagepoints import accepted_ever
@@ -167,13 +168,9 @@ def past_of(folder: Path, block: Block, recovered: Recovered) -> Past:
         return past
     records = recovered.records
     if recovered.snapshot is not None:
-        records = read_journal(folder, keep=_is_event).records
+        records = read_journal(folder, keep=is_event).records
     events, state, pointed, _ = _folded(start(block), records)
     return Past(events, len(events), state, frozenset(accepted_ever(events)), pointed)
-
-
-def _is_event(kind: str) -> bool:
-    return kind in EVENT_KINDS
 
 
 def _behind(block: Block, recovered: Recovered) -> Past | None:

@@ -18,7 +18,7 @@ from anaplot.exchange.eventcodec import event_to_payload
 from anaplot.exchange.journal import JournalRecord, event_of
 from anaplot.exchange.journalread import SESSIONS
 from anaplot.exchange.journalsnapshot import PART, SNAPSHOT
-from anaplot.exchange.recordline import JOURNAL_FORMAT, encode_line
+from anaplot.exchange.recordline import JOURNAL_FORMAT, OPENING, encode_line
 from anaplot.exchange.salvage import Gap, read_what_can_be_read
 from anaplot.session.events import (
     EVENT_KINDS,
@@ -108,7 +108,7 @@ def salvage(session: Path, folder: Path) -> Salvaged:
     if sessions.exists() or sessions.is_symlink():
         raise InputError(f"{place(sessions)}: there is a session already")
     readable = read_what_can_be_read(session)
-    headers = [r for records in readable.files for r in records if r.kind in ("header", "opened")]
+    headers = [r for records in readable.files for r in records if r.kind in OPENING]
     block = recorded_block(session, headers)
     fold = _Fold(start(block), readable.lost_before)
     files = [fold.file(records) for records in readable.files if records]
@@ -187,7 +187,7 @@ class _Fold:
         except InputError as error:
             self.left_out.append(str(error))
             return []
-        if record.kind in ("header", "opened"):
+        if record.kind in OPENING:
             self._header = record.payload
         self.brought += 1
         return lines

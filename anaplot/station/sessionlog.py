@@ -7,17 +7,15 @@ from pathlib import Path
 
 from anaplot.errors import InputError
 from anaplot.exchange.journal import JournalRecord, event_of, read_journal
+from anaplot.exchange.journalkinds import is_event
+from anaplot.exchange.recordline import OPENING
 from anaplot.photogrammetry.block import Block
 from anaplot.photogrammetry.inner import InnerOrientation
 from anaplot.session.changes import AcceptedInner, Change, ChangeLog, Happened
-from anaplot.session.events import EVENT_KINDS
 from anaplot.session.innerwork import solve_inner
 from anaplot.session.state import EventRefusedError
 
 __all__ = ["SessionLog", "read_history", "read_inner", "read_log"]
-
-_OPENED = ("header", "opened")
-_WANTED = {*_OPENED, *EVENT_KINDS}
 
 
 class SessionLog:
@@ -106,11 +104,11 @@ def read_history(session: Path) -> tuple[tuple[JournalRecord, ...], tuple[Happen
     InputError
         It cannot be read, or is damaged.
     """
-    records = read_journal(session, keep=lambda kind: kind in _WANTED).records
+    records = read_journal(session, keep=lambda kind: is_event(kind) or kind in OPENING).records
     who = ""
     history = []
     for record in records:
-        if record.kind in _OPENED:
+        if record.kind in OPENING:
             named = record.payload.get("operator", "")
             who = named if isinstance(named, str) else ""
         else:

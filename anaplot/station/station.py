@@ -29,7 +29,7 @@ from anaplot.plotter.ports import UNCHECKED
 from anaplot.session.commanding import decide
 from anaplot.session.commands import Command, TurnWheels
 from anaplot.session.desk import DEFAULT_PATTERN, Desk
-from anaplot.session.draft import Decision, Note
+from anaplot.session.draft import Decision
 from anaplot.session.heard import (
     DriveBegun,
     DriveFailed,
@@ -40,6 +40,7 @@ from anaplot.session.heard import (
     Seen,
 )
 from anaplot.session.hearing import hear
+from anaplot.session.notes import Note
 from anaplot.session.plates import ReadOut, image_of, plates_of
 from anaplot.session.pointedat import Targets
 from anaplot.session.referencing import references

@@ -9,7 +9,8 @@ from typing import Any
 
 from anaplot.exchange.blockfolder import image_points_digest
 from anaplot.exchange.journal import Journal, Recovered
-from anaplot.session.events import EVENT_KINDS, DecisionsTakenOver
+from anaplot.exchange.journalkinds import is_event
+from anaplot.session.events import DecisionsTakenOver
 from anaplot.session.state import start
 from anaplot.station.edited import check_unedited, written_once
 from anaplot.station.pointsfile import BlockRead, PointsFile
@@ -55,7 +56,7 @@ class TakenUp:
         return Journal.open(
             self._folder,
             header,
-            keep=lambda kind: kind in EVENT_KINDS,
+            keep=is_event,
             accept=self.take,
             choose=choice_for(self.block),
         )

@@ -6,11 +6,13 @@ import contextlib
 import json
 import os
 import random
+import re
 import signal
 import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,9 +22,12 @@ from journaltools import events_of
 from processes import ROOT, running
 from stationbench import Bench, measure, measure_all
 
+from anaplot.cli import main
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import read_block
 from anaplot.exchange.journal import read_journal
+from anaplot.exchange.recordline import encode_line
+from anaplot.exchange.salvage import read_what_can_be_read
 from anaplot.plotter.device.hand import Offsets
 from anaplot.session import state as state_module
 from anaplot.session.events import FiducialMeasured, PointMeasured
@@ -31,6 +36,8 @@ from anaplot.simulation.demo import Demo
 from anaplot.simulation.instrument import SimulatedInstrument
 from anaplot.station import restored, takenup
 from anaplot.station.replay import replay_session
+from anaplot.station.replayed import ReplayStation
+from anaplot.station.sessionlog import read_log
 from anaplot.station.station import Station
 
 MODELS, SEED = 2, 3
@@ -301,6 +308,26 @@ def test_a_journal_of_a_newer_version(bench: Bench) -> None:
     path.write_bytes(newer)
     with pytest.raises(InputError, match="newer version"):
         Station(bench.folder, plotter=bench.setup())
+    assert path.read_bytes() == newer
+
+
+def test_a_kind_of_record_that_is_not_known(
+    bench: Bench, capsys: pytest.CaptureFixture[str]
+) -> None:
+    station, _ = bench.open()
+    station.close()
+    path = bench.folder / "sessions" / "0001.jsonl"
+    last = json.loads(path.read_bytes().splitlines()[-1])
+    with path.open("ab") as file:
+        file.write(encode_line(last["seq"] + 1, last["t"], "point-dreamt", {"point": "1"}))
+    newer = path.read_bytes()
+    told = rf"0001\.jsonl line {newer.count(10)}: .*kind 'point-dreamt'.* newer version"
+    readers = (partial(Station, plotter=bench.setup()), read_log, replay_session)
+    for reader in (*readers, partial(ReplayStation, speed=1.0), read_what_can_be_read):
+        with pytest.raises(InputError, match=told):
+            reader(bench.folder)
+    assert main(["status", str(bench.folder)]) == 0
+    assert re.search(told, capsys.readouterr().out)
     assert path.read_bytes() == newer
 
 
