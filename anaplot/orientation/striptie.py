@@ -189,7 +189,7 @@ class StripTie:
         own = [other.points[n].errors for n in names]
         off = np.array([errors @ theirs[: errors.shape[1]] for errors in own]).reshape(-1, 3)
         off = now.scale * off @ now.rotation.T
-        off += similarity_effects(xyz - self._known.middle) @ (self._known.moved @ self.probable)
+        off += similarity_effects(xyz - self._known.middle) @ self._known.probably_moved
         return xyz, off
 
     def improved(self, values: Array, errors: Array) -> tuple[Array, Array]:
@@ -275,11 +275,11 @@ def tie_systems(
     )
     names = [name for name in names if name not in gross]
     shared = _Common(this, other, names, sigma0_mm)
-    known = _Adjusted(shared, start, level=True)
+    known = _Adjusted(shared, shared.rows(start, level=True), level=True)
     adjusted = known
     if len(names) > FEWEST:
         try:
-            alone = _Adjusted(shared, known.similarity, level=False)
+            alone = _Adjusted(shared, known.rows.of_points(), level=False)
             adjusted = alone if alone.inclination < _LOOSE * radians(LEVEL_DEG) else known
         except NotComputableError:
             pass  # points so near one line that nothing can be tested without level systems
@@ -317,17 +317,34 @@ class _Common:
         self.own_count, self.other_count = this.count, other.count
         self.target = np.array([this.points[n].xyz for n in names])
         self.source = np.array([other.points[n].xyz for n in names])
-        self._own = np.array([widened(this.points[n].errors, this.count) for n in names])
+        self._own = _errors_of(this, names, this.count)
         # a strip that goes on far beyond these points has errors that none of them has
         far = max(other.points[n].errors.shape[1] for n in names)
-        self._other = np.array([widened(other.points[n].errors, far) for n in names])
+        self._other = _errors_of(other, names, far)
         rows = 3 * len(names)
         own, others = (e.reshape(rows, -1) for e in (self._own, self._other))
         self._c_own, self._c_other = own @ own.T, others @ others.T
         self.tilt = radians(LEVEL_DEG) / sigma0
 
-    def covariance(self, now: Similarity, *, level: bool) -> Array:
-        """Return that of the misclosures, in units of sigma0, for a similarity."""
+    def rows(self, now: Similarity, *, level: bool) -> _Rows:
+        """Return the whitened rows at a similarity, with two inclinations of level systems."""
+        n = 3 * len(self.names)
+        at = now.apply(self.source)
+        middle = at.mean(axis=0)
+        rows = np.zeros((n + 2 * level, 8), order="F")
+        rows[:n, :7] = similarity_effects(at - middle).reshape(-1, 7)
+        rows[:n, 7] = (at - self.target).ravel() / self.sigma0
+        root = np.asarray(np.linalg.cholesky(self._covariance(now)))
+        if level:
+            rows[n, 3] = rows[n + 1, 4] = 1.0
+            rows[n:, 7] = np.array([-now.rotation[1, 2], now.rotation[0, 2]]) / self.sigma0
+            points, root = root, self.tilt * np.eye(n + 2)
+            root[:n, :n] = points
+        # a transpose is in LAPACK's order as it is
+        return _Rows(now, middle, root, lapack.dtrtrs(root.T, rows, lower=0, trans=1)[0])
+
+    def _covariance(self, now: Similarity) -> Array:
+        """Return that of the points' misclosures, in units of sigma0, for a similarity."""
         n = len(self.names)
         turn = now.scale * now.rotation
         half = np.matmul(turn, self._c_other.reshape(n, 3, 3 * n)).reshape(3 * n, 3 * n)
@@ -335,12 +352,7 @@ class _Common:
         points += self._c_own
         # points free of error on both sides have no covariance
         points.flat[:: 3 * n + 1] += 1e-9 * np.trace(points) / (3 * n)
-        if not level:
-            return points
-        out = np.zeros((3 * n + 2, 3 * n + 2))
-        out[:-2, :-2] = points
-        out[-2:, -2:] = self.tilt**2 * np.eye(2)
-        return out
+        return points
 
     def by_errors(self, rows: Array, now: Similarity) -> Array:
         """Return (k, e): what every error does to (k, rows) sums of misclosures of level systems.
@@ -366,44 +378,58 @@ class _Common:
         return np.concatenate((points, self.tilt * errors[:, -2:]), axis=1)
 
 
-class _Adjusted:
-    """The adjusted similarity; its rows are X, Y, Z of every point, and two inclinations if any."""
+def _errors_of(system: System, names: list[str], count: int) -> Array:
+    """Return (n, 3, count) effects on points of a system."""
+    out = np.zeros((len(names), 3, count))
+    for row, name in zip(out, names, strict=True):
+        errors = system.points[name].errors
+        row[:, : errors.shape[1]] = errors
+    return out
 
-    def __init__(self, common: _Common, start: Similarity, *, level: bool) -> None:
-        self._common, self.level, self.similarity = common, level, start
-        self._middle: Array = common.target.mean(axis=0)
+
+class _Rows(NamedTuple):
+    """Rows about a similarity: X, Y, Z of every point, and two inclinations if any.
+
+    Their unknowns refer to `middle`; `root` is that of their covariance, and `white` their (rows,
+    8) design and misclosures, divided by it.
+    """
+
+    similarity: Similarity
+    middle: Array
+    root: Array
+    white: Array
+
+    def of_points(self) -> _Rows:
+        """Return them without the inclinations, which have no errors in common with points."""
+        return self._replace(root=self.root[:-2, :-2], white=self.white[:-2])
+
+
+class _Adjusted:
+    """The adjusted similarity, from the rows about a first one."""
+
+    def __init__(self, common: _Common, rows: _Rows, *, level: bool) -> None:
+        self._common, self.level = common, level
         for _ in range(_STEPS):
-            now = self.similarity
-            design, at = self._design()
-            value = (at - common.target).ravel() / common.sigma0
-            if level:
-                inclined = np.array([-now.rotation[1, 2], now.rotation[0, 2]]) / common.sigma0
-                value = np.concatenate((value, inclined))
-            self.root = np.linalg.cholesky(common.covariance(now, level=level))
-            white = lapack.dtrtrs(self.root, np.column_stack((design, value)), lower=1)[0]
-            self._white = white[:, :7]
-            # turned so that seven rows have all that tells of the unknowns
-            self._basis, triangle = np.linalg.qr(self._white)
-            turned = self._basis.T @ white[:, 7]
+            # turned so that seven rows have all that tells of the unknowns, the eighth v'Pv
+            turned, factors, _, _ = lapack.dgeqrf(rows.white)
+            triangle = np.triu(turned[:8])
             try:
-                self._solved = adjust(triangle, turned, np.ones(len(turned)), unknowns=_UNKNOWNS)
+                solved = adjust(triangle[:7, :7], triangle[:7, 7], np.ones(7), unknowns=_UNKNOWNS)
             except RankDefectError as error:
                 raise NotComputableError(f"the common points: {error}") from error
-            self.similarity = moved_similarity(now, self._middle, self._solved.x * common.sigma0)
-            q_xx = np.sqrt(np.diag(self._solved.q_xx))
-            if float(np.abs(self._solved.x / q_xx).max()) < _SMALL:
-                self._closing: Array = white[:, 7] - self._basis @ turned
+            self._solved = solved
+            self.similarity = moved_similarity(
+                rows.similarity, rows.middle, solved.x * common.sigma0
+            )
+            q_xx = np.sqrt(np.diag(solved.q_xx))
+            if float(np.abs(solved.x / q_xx).max()) < _SMALL:
+                basis = lapack.dorgqr(turned, factors)[0]
+                self.rows, self._basis = rows, basis[:, :7]
+                self._closing: Array = basis[:, 7] * triangle[7, 7]
                 self.inclination = float(q_xx[3:5].max()) * common.sigma0
                 return
+            rows = common.rows(self.similarity, level=level)
         raise NotComputableError("the similarity of the common points does not converge")
-
-    def _design(self) -> tuple[Array, Array]:
-        at = self.similarity.apply(self._common.source)
-        self._middle = at.mean(axis=0)
-        design = similarity_effects(at - self._middle).reshape(-1, 7)
-        if self.level:
-            design = np.concatenate((design, np.eye(7)[3:5]))
-        return design, at
 
     @property
     def redundancy(self) -> int:
@@ -417,11 +443,11 @@ class _Adjusted:
         """Return the tested points; differences are not filled in."""
         names = self._common.names
         n = len(names)
-        unwhitened = self._inverse.T
+        unwhitened = lapack.dtrtri(self.rows.root, lower=1)[0].T
         residual = (unwhitened @ self._closing)[: 3 * n].reshape(n, 3)  # P v
         # Q_vv of whitened rows is 1 - basis basis'; only what each point has of it is asked for
         taken = unwhitened @ self._basis
-        r = 1.0 - np.einsum("ik,ik->i", self.root @ self._basis, taken)[: 3 * n].reshape(n, 3)
+        r = 1.0 - np.einsum("ik,ik->i", self.rows.root @ self._basis, taken)[: 3 * n].reshape(n, 3)
         whole, part = (rows[: 3 * n].reshape(n, 3, -1) for rows in (unwhitened, taken))
         blocks = whole @ whole.transpose(0, 2, 1) - part @ part.transpose(0, 2, 1)  # P Q_vv P
         variance = np.einsum("nii->ni", blocks)
@@ -445,31 +471,39 @@ class _Adjusted:
             )
         return out
 
+    def _unwhitened(self, columns: Array) -> Array:
+        """Return (k, rows) by which rows are multiplied, of (rows, k) of whitened ones."""
+        solved: Array = lapack.dtrtrs(self.rows.root.T, columns, lower=0)[0]
+        return solved.T
+
     @cached_property
-    def _inverse(self) -> Array:
-        """That of the root of the covariance, which whitens."""
-        inverse: Array = lapack.dtrtri(self.root, lower=1)[0]
-        return inverse
+    def _gain(self) -> Array:
+        """(7, rows) what misclosures do to the unknowns."""
+        return -self._unwhitened(self.rows.white[:, :7] @ self._solved.q_xx)
 
     @cached_property
     def moved(self) -> Array:
         """(7, e) what errors do to the unknowns of level systems."""
-        gain = -self._solved.q_xx @ (self._white.T @ self._inverse)
-        return self._common.by_errors(gain, self.similarity)
-
-    @cached_property
-    def _residual(self) -> Array:
-        """(rows, rows) what of the misclosures of level systems is left as whitened residuals."""
-        solved = self._solved.q_xx @ (self._white.T @ self._inverse)
-        residual: Array = self._inverse - self._white @ solved
-        return residual
+        return self._common.by_errors(self._gain, self.similarity)
 
     @cached_property
     def probable(self) -> Array:
         """(e,) errors [mm] of least squares that explain the residuals of level systems."""
-        rows = (self._closing @ self._residual)[None]
+        rows = self._unwhitened(self._closing[:, None])
         errors: Array = self._common.by_errors(rows, self.similarity)[0]
         return errors * self._common.sigma0
+
+    @cached_property
+    def probably_moved(self) -> Array:
+        """(7,) what the `probable` errors do to the unknowns of level systems."""
+        rows: Array = self._common.by_rows(self.probable[None], self.similarity)[0]
+        return self._gain @ rows
+
+    @cached_property
+    def _residual(self) -> Array:
+        """(rows, rows) what of the misclosures of level systems is left as whitened residuals."""
+        residual: Array = lapack.dtrtri(self.rows.root, lower=1)[0]
+        return residual + self.rows.white[:, :7] @ self._gain
 
     def seen(self, known: Array) -> Array:
         """Return (k, e): what the residuals of level systems see of (k, e) errors of values."""
@@ -479,7 +513,7 @@ class _Adjusted:
     @property
     def middle(self) -> Array:
         """Where the unknowns refer to."""
-        return self._middle
+        return self.rows.middle
 
 
 def _level_start(
@@ -495,16 +529,14 @@ def _level_start(
     i, j = i[good], j[good]
     factor = (two[j] - two[i]) / (one[j] - one[i])
     shift = two[i] - factor * one[i]
-    gaps = np.abs(factor[:, None] * one + shift[:, None] - two)
     # two points always agree
     half = min(len(one) - 1, max(len(one) // 2, 2))
-    middle = np.partition(gaps, half, axis=1)[:, half]
-    best = int(np.argmin(middle))
+    best = _least_median(factor, shift, one, two, half)
     if not abs(factor[best]) > 0.0:
         raise NotComputableError("the common points lie in one place")
-    far = gaps[best] > max(
-        _GROSS * float(np.abs(two - two.mean()).max()), 6.0 * float(middle[best])
-    )
+    gaps = np.abs(factor[best] * one + shift[best] - two)
+    middle = float(np.partition(gaps, half)[half])
+    far = gaps > max(_GROSS * float(np.abs(two - two.mean()).max()), 6.0 * middle)
     gross = np.flatnonzero(far).tolist() if len(one) - int(far.sum()) >= 3 else []
     kept = [k for k in range(len(one)) if k not in gross]
     scale, turn = float(abs(factor[best])), float(np.angle(factor[best]))
@@ -513,3 +545,16 @@ def _level_start(
     plan = shift[best]
     start = Similarity(scale, rotation, np.array([plan.real, plan.imag, height]))
     return start, tuple(names[k] for k in gross)
+
+
+def _least_median(factor: Array, shift: Array, one: Array, two: Array, half: int) -> int:
+    """Return which of the motions of the plane brings most of its points the nearest."""
+    ones = np.ones(len(one))
+    x = np.column_stack((factor.real, -factor.imag, shift.real)) @ (one.real, one.imag, ones)
+    y = np.column_stack((factor.imag, factor.real, shift.imag)) @ (one.real, one.imag, ones)
+    squares = np.square(x - two.real) + np.square(y - two.imag)
+    # few are as good as the best of some: to count is quicker than to sort
+    some = np.partition(squares[:: len(one)], half, axis=1)[:, half].min()
+    good = np.flatnonzero(np.count_nonzero(squares <= some, axis=1) > half)
+    middle = np.partition(squares[good], half, axis=1)[:, half]
+    return int(good[np.argmin(middle)])

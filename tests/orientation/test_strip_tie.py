@@ -213,3 +213,32 @@ def test_points_that_are_far_off_take_no_part_and_are_named(flights):
     off = {p.point: np.array(p.difference) for p in tie.points if p.r is None}
     assert off[one] == pytest.approx(-gap, abs=0.1)
     assert off[two] == pytest.approx(gap, abs=0.1)
+
+
+def test_all_that_are_off_take_no_part_while_more_than_half_agree():
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        names = [f"p{k}" for k in range(41)]
+        source = {p: rng.uniform([0, 0, -160], [900, 200, -140]) for p in names}
+        turn = rotation_matrix(0.0, 0.0, rng.uniform(-3.0, 3.0))
+        wrong = set(rng.permutation(names)[:19].tolist())
+        target = {p: 1.1 * turn @ at + rng.normal(0.0, SIGMA0, 3) for p, at in source.items()}
+        for p in wrong:
+            away = rng.uniform(100.0, 400.0)
+            angle = rng.uniform(0.0, 2.0 * np.pi)
+            target[p] += away * np.array([np.cos(angle), np.sin(angle), 0.0])
+        free = np.zeros((3, 3 * len(names)))
+        this, other = (
+            Placed(
+                {
+                    p: Located(at, free + np.eye(3, free.shape[1], 3 * k))
+                    for k, (p, at) in enumerate(points.items())
+                },
+                free.shape[1],
+            )
+            for points in (target, source)
+        )
+        tie = tie_systems(this, other, SIGMA0, BAARDA)
+        assert set(tie.gross) == wrong
+        np.testing.assert_allclose(tie.similarity.scale, 1.1, rtol=1e-4)
+        np.testing.assert_allclose(tie.similarity.rotation, turn, atol=1e-4)
