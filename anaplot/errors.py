@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-__all__ = ["AnaplotError", "InputError", "LinkError", "NotComputableError"]
+__all__ = ["AnaplotError", "InputError", "LinkError", "NotComputableError", "TooFewError"]
 
 
 class AnaplotError(Exception):
@@ -33,3 +33,7 @@ class NotComputableError(AnaplotError):
     """The measurements do not determine what was asked (exit code 4)."""
 
     exit_code = 4
+
+
+class TooFewError(NotComputableError):
+    """There are fewer measurements than unknowns, whatever they are."""

@@ -11,7 +11,7 @@ import numpy as np
 from anaplot.adjustment.leastsquares import Adjustment, RankDefectError, adjust_weighted
 from anaplot.adjustment.tested import Dense, Observation, Tested, examine
 from anaplot.aliases import Array
-from anaplot.errors import NotComputableError
+from anaplot.errors import NotComputableError, TooFewError
 from anaplot.orientation.conditionequations import ConditionEquations, ModelUnknowns
 from anaplot.orientation.interchange import Interchange, interchanged
 from anaplot.orientation.pair import Stereopair
@@ -213,21 +213,21 @@ def _check_count(pair: Stereopair) -> None:
     y_rows = n if not pair.off else sum((point, "y") not in pair.off for point in pair.points)
     if pair.ties is None:
         if y_rows < 5:
-            raise NotComputableError(
+            raise TooFewError(
                 f"model {pair.name}: {_points(y_rows)} in common, a strip's first model needs five"
             )
         return
     ties = [point for point in pair.points if point in pair.ties]
     if not ties:
-        raise NotComputableError(
+        raise TooFewError(
             f"model {pair.name}: none of its {n} points is a point of the preceding model; "
             "without ties there is no scale"
         )
     x_rows = sum((point, "x") not in pair.off for point in ties)
     if not x_rows:
-        raise NotComputableError(f"model {pair.name}: every tie is switched off, there is no scale")
+        raise TooFewError(f"model {pair.name}: every tie is switched off, there is no scale")
     if y_rows + x_rows < 6:
-        raise NotComputableError(
+        raise TooFewError(
             f"model {pair.name}: {_points(y_rows)} and {x_rows} ties give {y_rows + x_rows} rows "
             "for 6 unknowns"
         )

@@ -10,7 +10,7 @@ import numpy as np
 
 from anaplot.adjustment.tested import Dense, examine
 from anaplot.aliases import Axis, Bools
-from anaplot.errors import NotComputableError
+from anaplot.errors import NotComputableError, TooFewError
 from anaplot.photogrammetry.block import TestSettings
 from anaplot.photogrammetry.camera import CameraCalibration
 from anaplot.photogrammetry.distancefit import fit_distances
@@ -144,7 +144,7 @@ def _check_choice(
         least = MINIMUM["distances" if calibration.distances else "helmert"]
     if len(names) < least:
         title = f"the transformation {wanted!r}" if wanted else "inner orientation"
-        raise NotComputableError(
+        raise TooFewError(
             f"{title} needs {least} fiducials, {len(names)} measured" + in_brackets(names)
         )
 

@@ -188,7 +188,7 @@ def _table_parts(table: Table, everything: bool) -> Iterator[list[str]]:
         shown = "" if "[" in one.title else one.shown_unit
         unit = f"{shown:{table.units}{len(one.title)}}" if table.units else ""
         units += f"{unit:>{len(head)}}"
-    yield [heads.rstrip(), units.rstrip()] if table.units else [heads.rstrip()]
+    yield [heads.rstrip(), units.rstrip()] if units.strip() else [heads.rstrip()]
     before = None
     for first in range(0, len(chosen), _AT_ONCE):
         last = first + _AT_ONCE

@@ -54,6 +54,8 @@ Kind: TypeAlias = Literal["text", "heading", "remark", "look"]
 OF_PI = {"deg": 180.0, "gon": 200.0}
 """Units in which people read angles, and how many of each are half a turn."""
 
+_THOUSANDTHS = {"mm": "um", "kpx": "px"}
+
 
 @dataclass(frozen=True, slots=True)
 class Value:
@@ -213,7 +215,7 @@ class Column:
             return self.unit
         if self.unit == "rad":
             return next((one for one, half in OF_PI.items() if isclose(self.scale, half / pi)), "")
-        return "um" if (self.unit, self.scale) == ("mm", 1e3) else ""
+        return _THOUSANDTHS.get(self.unit, "") if self.scale == 1e3 else ""
 
 
 def name(

@@ -7,7 +7,7 @@ from functools import lru_cache
 from typing import cast
 
 from anaplot.aliases import Axis
-from anaplot.errors import NotComputableError
+from anaplot.errors import NotComputableError, TooFewError
 from anaplot.photogrammetry.block import Block, TestSettings
 from anaplot.photogrammetry.camera import CameraCalibration
 from anaplot.photogrammetry.inner import InnerOrientation, orient_inner
@@ -43,6 +43,8 @@ class InnerOutlook:
         The fiducial to measure next: pending, or to be measured again; None when there is none.
     agenda
         What the operator may do, the most urgent first.
+    too_few
+        Whether the problem is that too few fiducials are measured yet.
     """
 
     state: InnerState
@@ -52,6 +54,7 @@ class InnerOutlook:
     advice: tuple[str, ...]
     next_fiducial: str | None
     agenda: Agenda
+    too_few: bool
 
 
 def solve_inner(block: Block, inner: InnerState) -> InnerOrientation:
@@ -100,12 +103,12 @@ def acceptance(inner: InnerState, solution: InnerOrientation) -> InnerAccepted:
 def inner_outlook(block: Block, inner: InnerState) -> InnerOutlook:
     """Say what an inner orientation stands at and what comes next in it."""
     solution: InnerOrientation | None = None
-    problem = ""
+    problem, too_few = "", False
     if inner.used:
         try:
             solution = solve_inner(block, inner)
         except NotComputableError as error:
-            problem = str(error)
+            problem, too_few = str(error), isinstance(error, TooFewError)
     suspects = () if solution is None else _suspects(inner, solution)
     pending = inner.pending
     again = suspects[0][0] if suspects else None
@@ -139,6 +142,7 @@ def inner_outlook(block: Block, inner: InnerState) -> InnerOutlook:
         advice=() if solution is None else _advice(inner, solution),
         next_fiducial=next_fiducial,
         agenda=Agenda(steps, remark),
+        too_few=too_few,
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from anaplot.aliases import Side
-from anaplot.errors import NotComputableError
+from anaplot.errors import NotComputableError, TooFewError
 from anaplot.orientation.model import WrongPointsError
 from anaplot.orientation.results import Diagnosis, Interchange, ModelSolution
 from anaplot.session.innerstate import InnerState
@@ -47,6 +47,8 @@ class Outlook:
         Two points of the current model whose records are exchanged, or None.
     leaves
         Whether accepting leaves a model to which the operator returned as it was.
+    too_few
+        Whether the problem is that too little is measured yet.
     """
 
     solution: ModelSolution | None
@@ -61,6 +63,12 @@ class Outlook:
     next_photo: Side | None = None
     leaves: bool = False
     interchange: Interchange | None = None
+    too_few: bool = False
+
+    @property
+    def alarm(self) -> str:
+        """The problem, where going on with the measurement does not solve it."""
+        return "" if self.too_few and self.next_point is not None else self.problem
 
     @property
     def expected(self) -> str:
@@ -106,7 +114,7 @@ def outlook(state: SessionState) -> Outlook:
         return _inner(state, model.open_inner, following)
     solution: ModelSolution | None = None
     diagnosis: Diagnosis | None = None
-    problem = ""
+    problem, too_few = "", False
     suspects: tuple[str, ...] = ()
     interchange: Interchange | None = None
     if model.measured:
@@ -119,7 +127,7 @@ def outlook(state: SessionState) -> Outlook:
             problem, suspects = str(error), error.suspects
             interchange = error.interchange
         except NotComputableError as error:
-            problem = str(error)
+            problem, too_few = str(error), isinstance(error, TooFewError)
     step = next_step(
         model,
         suspects,
@@ -142,6 +150,7 @@ def outlook(state: SessionState) -> Outlook:
         next_photo=None if state.suspended else step.lay,
         leaves=leaves,
         interchange=interchange,
+        too_few=too_few,
     )
 
 
@@ -171,4 +180,5 @@ def _inner(
         finished=False,
         inner=view,
         leaves=leaves,
+        too_few=view.too_few,
     )

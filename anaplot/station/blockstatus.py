@@ -114,6 +114,7 @@ class NextStep(NamedTuple):
     """What is to be done next, where, and by which command; "" where it is not one.
 
     inner: the photo whose inner orientation is in work; the point is a fiducial then.
+    why: what keeps the block that is to be adjusted from a solution.
     """
 
     do: Literal["measure", "return", "accept", "adjust"]
@@ -122,10 +123,13 @@ class NextStep(NamedTuple):
     photo: str = ""
     point: str = ""
     inner: str = ""
+    why: str = ""
 
     @property
     def words(self) -> str:
         """What it is, without the command."""
+        if self.why:
+            return "see why the block has no solution"
         if self.inner and self.do == "accept":
             return f"accept the inner orientation of photo {self.inner}"
         if self.inner:
@@ -431,7 +435,7 @@ def _strip(
         current = state.current if state is not None else None
         if ahead is not None and current is not None and current.photos == (left, right):
             models.append(
-                with_table((left, right), "in work", ahead.solution, current, ahead.problem)
+                with_table((left, right), "in work", ahead.solution, current, ahead.alarm)
             )
             continue
         if (left, right) not in there:
@@ -549,5 +553,6 @@ def following(
     if measured:
         # what the control does not determine yet needs a free datum
         free = not held or (view is not None and view.datum == "free")
-        return NextStep("adjust", f"anaplot adjust {folder}" + (" --datum free" if free else ""))
+        command = f"anaplot adjust {folder}" + (" --datum free" if free else "")
+        return NextStep("adjust", command, why="" if view is None else view.remark)
     return NextStep("measure", opening)

@@ -98,7 +98,7 @@ class LiveStatus:
         strips = self._strips
         if state.current is not None:
             work = with_table(
-                state.current.photos, "in work", ahead.solution, state.current, ahead.problem
+                state.current.photos, "in work", ahead.solution, state.current, ahead.alarm
             )
             strips = tuple(_with_work(strip, state.current.strip, work) for strip in strips)
             waits = waiting(state)

@@ -39,6 +39,7 @@ def test_a_new_block_is_open(tmp_path: Path, capsys: pytest.CaptureFixture[str])
         "photo": None,
         "point": None,
         "inner": None,
+        "why": None,
     }
     assert main(["status", str(folder)]) == 0
     said = capsys.readouterr().out
@@ -87,6 +88,24 @@ def test_everything_measured_is_to_be_adjusted(
     assert "0 flagged" in out
 
 
+def test_what_is_next_of_a_block_without_a_solution_is_to_see_why(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "b"
+    write_measured(folder, models=1, measured=1)
+    rows = read_block(folder).image_points
+    kept = sorted({row.point for row in rows})[:4]
+    write_image_points(folder, [row for row in rows if row.point in kept])
+    step = status(folder, capsys)["next"]
+    assert step["do"] == "adjust"
+    assert "not determined" in step["why"]
+    assert main(["status", str(folder)]) == 0
+    told = capsys.readouterr().out
+    assert f"block: {step['why']}" in told
+    assert "NEXT: see why the block has no solution: anaplot adjust" in told
+    assert main(step["command"].split()[1:]) == 4
+
+
 def test_a_wrong_point_is_returned_to(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = tmp_path / "b"
     # a new point of the first model, used as a tie by the second: its right ray is wrong in y
@@ -113,6 +132,7 @@ def test_a_wrong_point_is_returned_to(tmp_path: Path, capsys: pytest.CaptureFixt
         "photo": "102",
         "point": "102-2",
         "inner": None,
+        "why": None,
     }
     assert main(["status", str(folder)]) == 0
     assert "NEXT: return to model 101/102, point 102-2" in capsys.readouterr().out

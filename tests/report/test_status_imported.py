@@ -174,6 +174,9 @@ def page(block: Block) -> str:
         Listed((say("1 um"), say("2 um")), 1, "and {} more um"),
         table("t", columns, [("um", 4.0)], shown=("photo", "v [um]"), units=">"),
         table(
+            "d", (number("mdb", "detectable", 1, 12, unit="mm", scale=1e3),), [(0.009,)], units=">"
+        ),
+        table(
             "s",
             (Column("", "a priori", 12, form=lambda v: f"{v[0]:.2f} {v[1]}"),),
             [((7.0, "um"),)],
@@ -200,4 +203,5 @@ def test_lengths_are_in_px_where_pixels_have_no_size() -> None:
     assert "more px" in shown
     assert "v [px]" in shown
     assert "7.00 px" in shown
+    assert [line.split() for line in shown.splitlines()[-5:-2]] == [["detectable"], ["px"], ["9.0"]]
     assert page(of[sized]) == page(of[mm]) == shown.replace("px", "um")

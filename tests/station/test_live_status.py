@@ -191,6 +191,21 @@ def test_a_model_that_cannot_be_computed_needs_a_look_and_those_after_it_too() -
     assert "needs five" in live.weak_spots[0].words
 
 
+def test_what_is_only_begun_is_no_alarm() -> None:
+    day = Day()
+    day.state = apply(day.state, day.scene.choice(day.state, 0))
+    measurements = list(day.scene.measurements(day.state))
+    day.state = apply(day.state, measurements[0])
+    assert "needs five" in outlook(day.state).problem
+    assert day.same().weak_spots == ()
+    # with nothing left to measure it is one
+    model = day.state.current
+    assert model is not None
+    ready = replace(model, plan=tuple(p for p in model.plan if p.point == model.measured[0].point))
+    day.state = replace(day.state, current=ready)
+    assert "needs five" in day.same().weak_spots[0].words
+
+
 def test_models_from_elsewhere_are_accepted_and_control_is_seen() -> None:
     day = Day()
     day.measure(0)

@@ -55,6 +55,11 @@ def test_a_model_begins_with_the_inner_orientation_of_both_photos(bench: Bench, 
     said = station.snapshot().status
     assert said is not None
     assert said.next.words == "measure fiducial 1 of photo 101"
+    measure_fiducial(station, watch, "1")
+    said = station.snapshot().status
+    assert said is not None
+    assert "needs 3 fiducials" in station.snapshot().problem
+    assert said.weak_spots == ()
     measure_fiducials(station, watch)
     said = station.snapshot().status
     assert said is not None
