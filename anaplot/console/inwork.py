@@ -92,12 +92,19 @@ def _in_work(snapshot: Snapshot) -> InWork:
         return InWork(snapshot.points, tuple(keys))
     suspects = () if diagnosis is None else diagnosis.suspects
     flagged = [row.key for row in solution.flagged]
+    table, none = solution.table, solution.tested.odds.none
+    if diagnosis is not None and diagnosis.chances:
+        # the odds that are shown are those of which the advice speaks
+        chances, none = diagnosis.chances, diagnosis.none
+        table = tuple(
+            row._replace(probability=chance) for row, chance in zip(table, chances, strict=True)
+        )
     return InWork(
         points=snapshot.points,
         keys=tuple(keys),
-        table=solution.table,
+        table=table,
         off=solution.off_rows,
-        none=solution.tested.odds.none,
+        none=none,
         suspects=suspects,
         flagged=tuple(dict.fromkeys([*(key for key in suspects if key in flagged), *flagged])),
         solved=True,

@@ -51,6 +51,8 @@ def diagnose(solution: ModelSolution) -> Diagnosis:
         advice=_advice(solution, evidence, suspects, partners, interchange),
         suspects=suspects,
         interchange=interchange,
+        chances=tuple(evidence.chance.values()),
+        none=evidence.none,
     )
 
 

@@ -205,6 +205,9 @@ class Diagnosis:
         come first.
     interchange
         Two points whose records are exchanged, or None.
+    chances, none
+        Probability of each row of the table that it holds the one gross error, and that there is
+        none, as the advice weighs them: under "exact" by Sigma_F^-1, else those of the table.
     """
 
     transfers: tuple[Transfer[Row], ...]
@@ -212,3 +215,5 @@ class Diagnosis:
     advice: tuple[str, ...]
     suspects: tuple[Row, ...]
     interchange: Interchange | None = None
+    chances: tuple[float, ...] = ()
+    none: float = 0.0

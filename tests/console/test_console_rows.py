@@ -102,6 +102,19 @@ def test_details_hold_odds_partners_and_transfers():
     assert dict(describe_row(rows["107", "y"], picture()))["may come from"] == "103 y"
 
 
+def test_odds_are_shown_as_the_advice_weighs_them():
+    shown = picture()
+    chances = tuple(0.9 if row.key == ("102", "y") else 0.001 for row in shown.solution.table)
+    advised = replace(shown.diagnosis, chances=chances, none=0.09)
+    shown = replace(shown, diagnosis=advised)
+    rows = {row.key: row for row in shown_rows(shown)}
+    assert rows["102", "y"].row.probability == 0.9
+    told = describe_row(rows["103", "y"], shown)
+    assert dict(told)["holds the error"] == "probability 0.1 %"
+    assert ("", "1 to 900 over 102 y") in told
+    assert ("", "1 to 90 over no error") in told
+
+
 def test_the_model_in_words():
     text = dict(describe_model(picture()))
     assert text["base"] == "bx 91.8734, by 0.4121, bz -1.0932 mm"

@@ -108,6 +108,21 @@ def test_a_wrong_y_is_named_with_its_odds_over_the_next_point(test):
     assert sum(odds.values()) + model.tested.odds.none == pytest.approx(1.0)
 
 
+@pytest.mark.parametrize("kind", ["propagated", "exact"])
+def test_the_chances_are_those_of_the_advice(kind):
+    f = fly(8, 3, tilt=3.0, kappa=10.0, noise=0.004)
+    precision = replace(PROPAGATED, tie_variance=kind)
+    first = bridge_flight(f, precision, BAARDA)[0]
+    model = orient(spoiled(pair_of(f, 1, first), "2c", "y", 0.04), precision, BAARDA)
+    d = diagnose(model)
+    assert sum(d.chances) + d.none == pytest.approx(1.0)
+    keys = [row.key for row in model.table]
+    assert keys[int(np.argmax(d.chances))] == d.suspects[0] == ("2c", "y")
+    in_table = (*(row.probability for row in model.table), model.tested.odds.none)
+    same = np.allclose((*d.chances, d.none), in_table, rtol=1e-9, atol=1e-12)
+    assert same == (kind == "propagated")
+
+
 def test_a_wrong_x_at_a_tie_has_two_suspects():
     f = fly(8, 3, tilt=3.0, kappa=10.0, noise=0.002)
     first = bridge_flight(f)[0]
