@@ -173,6 +173,8 @@ def test_gross_errors_are_searched_with_the_options_of_adjust() -> None:
         ({"partner": 0.9}, "--partner, --pairs, --as-given and --control-last go with --errors"),
         ({"pairs": 1}, "--pairs: neither True nor False"),
         ({"snooping_model": "5x5"}, "--snooping-bridging go with --snooping"),
+        ({"snooping_model": "sampled"}, "--snooping-bridging go with --snooping"),
+        ({"snooping_tolerance": 25.0}, "--snooping-bridging go with --snooping"),
         ({"snooping_tolerance": 100}, "--snooping-tolerance: '100' must lie below 100"),
         ({"hypothesis_alpha": float("nan")}, "--hypothesis-alpha: 'nan' is no positive number"),
         ({"components": "operators"}, "--components operators and --operators FILE go together"),

@@ -128,7 +128,6 @@ def add_adjust_arguments(adjust: argparse.ArgumentParser) -> None:
     adjust.add_argument(
         "--snooping-tolerance",
         type=none_or_percentage,
-        default=25.0,
         metavar="PERCENT",
         help="its k_q: what sqrt(q_vv) may differ from its model value, default 25; 0: the model "
         "values alone decide",
@@ -136,7 +135,6 @@ def add_adjust_arguments(adjust: argparse.ArgumentParser) -> None:
     adjust.add_argument(
         "--snooping-model",
         "--snooping-values",
-        default="sampled",
         metavar="MODEL",
         help="its model values: sampled, from a few exact ones of this block (the default); paper, "
         "those printed in 1980 for the regular 60/60 block that is most like it, or 3x3, 3x3-twin, "

@@ -76,10 +76,6 @@ NO_ACCIDENT: tuple[PhotoAccidentKind, ...] = ("turned",)
 """What is wrong with a photo of a strip, and a bundle finds as well."""
 
 
-# of the data snooping of 1980, where nothing is asked: tolerance [percent], model, bridging [bases]
-_SNOOPING: tuple[float, str, float | None] = (25.0, "sampled", None)
-
-
 @takes_options(add_adjust_arguments)
 def adjust(
     block: BlockOrFolder,
@@ -99,9 +95,9 @@ def adjust(
     imu_boresight: Literal["none", "block", "camera"] | None = None,
     imu_boresight_sigma: float | None = None,
     snooping: bool = False,
-    snooping_tolerance: float = _SNOOPING[0],
-    snooping_model: str | os.PathLike[str] = _SNOOPING[1],
-    snooping_bridging: float | None = _SNOOPING[2],
+    snooping_tolerance: float | None = None,
+    snooping_model: str | os.PathLike[str] | None = None,
+    snooping_bridging: float | None = None,
     correlations: float | None = None,
     hypothesis_alpha: float = 0.05,
     errors: Strategy | None = None,
@@ -165,9 +161,9 @@ def adjust(
     snooping
         Add the modified data snooping of 1980 beside the exact test.
     snooping_tolerance
-        Its k_q [percent]; 0: the model values alone decide.
+        Its k_q [percent], 25 where it is None; 0: the model values alone decide.
     snooping_model, snooping_bridging
-        Its model values, as `snooping_models` has them.
+        Its model values, as `snooping_models` has them; those "sampled" where it is None.
     correlations
         Add the pairs of a point's rays whose residuals are correlated at or above this.
     hypothesis_alpha
@@ -237,7 +233,9 @@ def adjust(
         raise InputError("--partner, --pairs, --as-given and --control-last go with --errors")
     if control_last and datum != "control":
         raise InputError("--control-last brings control in: it goes with the datum of control")
-    if not snooping and (snooping_tolerance, snooping_model, snooping_bridging) != _SNOOPING:
+    if not snooping and any(
+        one is not None for one in (snooping_tolerance, snooping_model, snooping_bridging)
+    ):
         raise InputError(
             "--snooping-tolerance, --snooping-model and --snooping-bridging go with --snooping"
         )
@@ -342,11 +340,15 @@ def adjust(
     watch("results", 0.0)
     snooped = None
     if snooping:
+        from anaplot.adjustment.modelvalues import MODEL_TOLERANCE
         from anaplot.report.snooping import snoop_block
+        from anaplot.report.snoopingmodels import SAMPLED
 
-        tolerance = snooping_tolerance / 100.0
         snooped = snoop_block(
-            adjusted, tolerance=tolerance, model=snooping_model, bridging=snooping_bridging
+            adjusted,
+            tolerance=MODEL_TOLERANCE if snooping_tolerance is None else snooping_tolerance / 100.0,
+            model=SAMPLED if snooping_model is None else snooping_model,
+            bridging=snooping_bridging,
         )
     related = None if correlations is None else correlated_rays(adjusted, correlations)
     parted = None

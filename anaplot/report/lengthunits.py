@@ -78,7 +78,7 @@ def _table(table: Table) -> Table:
         replace(
             column,
             title=_px(column.title),
-            unit=_px(column.unit),
+            unit="kpx" if column.shown_unit == "um" else _px(column.unit),
             head=None if column.head is None else _px(column.head),
             form=None if column.form is None else _form(column.form),
         )

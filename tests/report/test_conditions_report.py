@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -120,6 +121,8 @@ def test_check_distances_are_tested_together_and_one_by_one(adjusted, folder, ca
     assert "  1 of 2 checks rejected" in page
     (line,) = [line for line in page.splitlines() if line.startswith("  distance p8 p14")]
     assert line.endswith("<< REJECTED")
+    # every row has its own unit: no line of units, and no empty one in its place
+    assert re.search(r"\n  CHECK +difference .*\n  distance p8 p14", page)
     path.unlink()
     assert answer_of(capsys, "adjust", str(folder))["hypotheses"]["conditions"] is None
 

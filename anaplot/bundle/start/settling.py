@@ -29,8 +29,7 @@ def settled(problem: Problem, structure: Structure, solution: RobustState) -> Ro
     """Return a robust solution that no other place to begin from makes better.
 
     The first one still shows where it began: a photo bent by its wild measurements, a point that a
-    wild ray holds, control free of error that pulls. Better is what leaves fewer rays off, and then
-    fewer control points.
+    wild ray holds, control free of error that pulls. What is better says `better_than`.
 
     Parameters
     ----------
