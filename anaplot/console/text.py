@@ -64,13 +64,11 @@ def number(value: float | None, width: int, decimals: int) -> str:
     if value is None or not math.isfinite(value):
         return "–".rjust(width)
     for places in range(decimals, -1, -1):
-        shown = f"{value:.{places}f}"
+        shown = f"{value:z.{places}f}"  # z: no minus sign before a rounded nothing
         if len(shown) <= width:
             break
     else:
         shown = f"{value:.0e}"
-    if shown.startswith("-") and not shown.strip("-0."):
-        shown = shown[1:]  # no minus sign before a rounded nothing
     return shown.rjust(width)
 
 

@@ -271,4 +271,5 @@ def _numbers(each: Sequence[float], column: Column) -> list[str]:
     if max(map(len, cells), default=0) > most:
         for k in compress(range(len(cells)), (len(text) > most for text in cells)):
             cells[k] = fitted(each[k], column.decimals or 0, most)
-    return [column.none if text == "nan" else text for text in cells]
+    instead = {"nan": column.none, f"{-0.0:.{column.decimals}f}": f"{0.0:.{column.decimals}f}"}
+    return [instead.get(text, text) for text in cells]

@@ -33,11 +33,12 @@ def shortened(name: str, width: int) -> str:
 def fitted(value: float | None, decimals: int, width: int) -> str:
     """Return a number in at most `width` characters, "-" for None.
 
-    A large one has fewer decimals, or an exponent; one that is too wide even so is not cut.
+    A large one has fewer decimals, or an exponent; one that is too wide even so is not cut. What is
+    rounded to nothing has no sign.
     """
     if value is None:
         return "-"
-    forms = [f"{value:.{n}f}" for n in range(decimals, -1, -1)]
+    forms = [f"{value:z.{n}f}" for n in range(decimals, -1, -1)]
     forms += [f"{value:.1e}", f"{value:.0e}"]
     return next((text for text in forms if len(text) <= width), forms[-1])
 

@@ -23,6 +23,8 @@ def test_numbers_fit_and_stay_numbers() -> None:
     assert fitted(1.23456, 3, 7) == "1.235"
     assert fitted(12345.678, 3, 7) == "12345.7"
     assert fitted(37243945.468, 3, 7) == "3.7e+07"
+    assert fitted(-0.0004, 3, 7) == "0.000"
+    assert fitted(-0.0006, 3, 7) == "-0.001"
 
 
 @given(st.floats(0.0, 1e90))

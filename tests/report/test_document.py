@@ -138,11 +138,11 @@ def test_what_marks_a_row_may_stand_in_several_columns() -> None:
 
 
 def test_arrays_are_columns() -> None:
-    values = np.array([1.5, np.nan, -0.001])
+    values = np.array([1.5, np.nan, -0.004])
     columns = (whole("k", "K", 3), number("v", "v", 2, 6), Column("yes", "", None), Column("xy"))
     pairs = np.array([[1.0, 2.0], [np.nan, 4.0], [5.0, 6.0]])
     by_arrays = Table("t", columns, (np.arange(3), values, values > 1, pairs))
-    assert table_lines(by_arrays) == ["  K     v", "  0  1.50", "  1     -", "  2 -0.00"]
+    assert table_lines(by_arrays) == ["  K     v", "  0  1.50", "  1     -", "  2  0.00"]
     assert by_arrays.records()[1] == {"k": 1, "v": None, "yes": False, "xy": [None, 4.0]}
     assert json.loads(json_text({"t": by_arrays})) == {"t": by_arrays.records()}
 

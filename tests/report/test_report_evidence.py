@@ -99,14 +99,14 @@ def test_models_have_the_numbers_of_json_rounded(tmp_path: Path) -> None:
         for cells, one in zip(rows, model["table"], strict=True):
             assert cells[:2] == [one["point"], one["axis"]]
             assert cells[2] == f"{one['redn']:.3f}"
-            assert cells[3:5] == [f"{one['parx_um']:.1f}", f"{one['expd_um']:.1f}"]
+            assert cells[3:5] == [f"{one['parx_um']:z.1f}", f"{one['expd_um']:z.1f}"]
         head, *rows = page.tables[f"Correlations of the orientation of model {of}"]
         accuracy = model["accuracy"]
         assert head[1:] == accuracy["elements"]
         for cells, values in zip(rows, accuracy["correlations"], strict=True):
-            assert cells[1:] == [f"{value:.3f}" for value in values]
+            assert cells[1:] == [f"{value:z.3f}" for value in values]
         _, values, spread = page.tables[f"Orientation of model {of}, the left photo held"]
-        assert values[2:4] == [f"{value:.4f}" for value in model["base"][1:]]
+        assert values[2:4] == [f"{value:z.4f}" for value in model["base"][1:]]
         assert spread[1] == (
             "-" if len(accuracy["elements"]) == 5 else f"{accuracy['base'][0]:.4f}"
         )
@@ -217,7 +217,7 @@ def test_a_block_with_everything(planned) -> None:
         assert f"{one['error']:.4g}" in cells
     matrix = page.tables["Correlations of the additional parameters"]
     values = told["additional"]["matrix"]["values"]
-    assert [row[1:] for row in matrix[1:]] == [[f"{v:.3f}" for v in row] for row in values]
+    assert [row[1:] for row in matrix[1:]] == [[f"{v:z.3f}" for v in row] for row in values]
 
 
 def test_a_block_with_nothing_of_that_says_it_in_lines(planned, tmp_path: Path) -> None:

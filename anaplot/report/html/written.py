@@ -21,7 +21,9 @@ def written_answer(written: Written) -> Answer:
 
 def written_lines(written: Written) -> tuple[Line, ...]:
     """Return what is said of a report that was written."""
-    lines = [say("{}: written, {:.1f} MB", str(written.page), written.size / 1e6)]
+    small = written.size < 1e6
+    size = say("{:.0f} kB", written.size / 1e3) if small else say("{:.1f} MB", written.size / 1e6)
+    lines = [say("{}: written, {}", str(written.page), size)]
     if written.cut:
         lines.append(
             say(
