@@ -10,6 +10,7 @@ import pytest
 from bundleblocks import aerial
 
 from anaplot.bundle.adjust import adjust_block
+from anaplot.bundle.errors.grosserrors import block_gross_errors
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import Block, ControlPoint
 
@@ -54,6 +55,16 @@ def test_mirrored_images_are_told(which: str) -> None:
 @pytest.mark.parametrize("which", GROUND)
 def test_left_handed_control_is_told(which: str) -> None:
     assert TOLD in said(moved(block(), lambda row: GROUND[which](*row.xyz)))
+
+
+@pytest.mark.parametrize("strategy", ["baarda", "search", "danish"])
+def test_a_search_that_leaves_out_what_tells_the_mirror_image_says_it(strategy: str) -> None:
+    found = block_gross_errors(measured(IMAGES["y"]), strategy)
+    # what is left in fits
+    assert found.rejected
+    assert found.block.warnings == ()
+    assert sum(TOLD in remark for remark in found.remarks) == 1
+    assert not any(TOLD in remark for remark in block_gross_errors(block(), strategy).remarks)
 
 
 def test_images_turned_by_180_degrees_and_wild_control_are_not_mirrored() -> None:

@@ -56,6 +56,7 @@ from anaplot.bundle.solve.problem import Problem, make_problem
 from anaplot.bundle.solve.remade import among_points, without_points
 from anaplot.bundle.solve.selection import FAR_APART
 from anaplot.bundle.solve.structure import make_structure
+from anaplot.bundle.start.freenetwork import MIRRORED
 from anaplot.bundle.start.robust import robust_state
 from anaplot.errors import InputError
 from anaplot.photogrammetry.block import Block
@@ -183,8 +184,14 @@ class BlockFindings(Cleaned[BlockPlace, ObservationName, AllRows]):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Sentences: what limited the search, and photos that something is wrong with."""
+        """Sentences: what limited the search, and photos or control that is wrong as a whole."""
         said = list(super().remarks)
+        # what is left in may fit its mirror image, and does not tell it any more
+        said += [
+            remark
+            for remark in self.begun.block.warnings
+            if remark.startswith(MIRRORED) and remark not in self.block.warnings
+        ]
         for photos, are_more in (
             (self.photo_losses, "lose as many"),
             (self.hardly_checked, "are checked as little"),

@@ -18,7 +18,10 @@ from anaplot.bundle.start.robust import no_minimum_error, robust_state
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.similarity import robust_similarity
 
-__all__ = ["from_free_network", "mirror_remark", "unsolved_error"]
+__all__ = ["MIRRORED", "from_free_network", "mirror_remark", "unsolved_error"]
+
+MIRRORED = "control is the mirror image of what the photos show"
+"""Where the remark of `mirror_remark` begins."""
 
 _FEWEST = 4  # control points of which a mirror image may be told from the block itself
 _CLEARLY = 20.0  # times better than the block has its mirror image to fit
@@ -74,9 +77,8 @@ def mirror_remark(problem: Problem, start: BlockState) -> str | None:
     if not by_mirror * _CLEARLY < by_itself:
         return None
     return (
-        f"control is the mirror image of what the photos show: mirrored it fits to {by_mirror:.2g}"
-        f" m, else to {by_itself:.2g} m; does y of the images point down, are x and y, or X and Y,"
-        " exchanged, or does Z point down?"
+        f"{MIRRORED}: mirrored it fits to {by_mirror:.2g} m, else to {by_itself:.2g} m; does y of"
+        " the images point down, are x and y, or X and Y, exchanged, or does Z point down?"
     )
 
 
