@@ -387,19 +387,21 @@ class Attempts(Generic[S, K, R]):
 
     Attributes
     ----------
+    cleaning
+        The passes.
     ends
         Where they ended.
     """
 
     def __init__(self, cleaning: Cleaning[S, K, R]) -> None:
         self.ends: list[CleaningEnd[S, K, R]] = []
-        self._cleaning = cleaning
+        self.cleaning = cleaning
         self._failures: list[NotComputableError | NotSeparableError] = []
 
     @property
     def ended(self) -> bool:
         """Whether the end was asked for and there is one: nothing more is tried."""
-        return self._cleaning.watch.stopped and bool(self.ends)
+        return self.cleaning.watch.stopped and bool(self.ends)
 
     @property
     def doubted(self) -> bool:
@@ -416,7 +418,7 @@ class Attempts(Generic[S, K, R]):
         if self.ended:
             return
         try:
-            self.ends.append(self._cleaning.run(start, known, held))
+            self.ends.append(self.cleaning.run(start, known, held))
         except (NotComputableError, NotSeparableError) as error:
             self._failures.append(error)
 
@@ -434,8 +436,8 @@ class Attempts(Generic[S, K, R]):
         # of the passes before nobody asks how sure their rows are
         before = (replace(one, weigh=None) for one in end.passes[:-1])
         found = end.findings.weighed
-        if self._cleaning.settings.pairs:
-            kind, held = sigma_of(self._cleaning.strategy), _rows(end.system, end.held)
+        if self.cleaning.settings.pairs:
+            kind, held = sigma_of(self.cleaning.strategy), _rows(end.system, end.held)
             found = replace(found, pair_odds=pair_odds(end.system, kind=kind, left_out=held))
         return replace(end, passes=(*before, found))
 

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from itertools import combinations
 from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
 
-from anaplot.aliases import Array, Bools
+from anaplot.aliases import Array, Bools, Index
 from anaplot.photogrammetry.collinearity import turns
 
 __all__ = [
     "Similarity",
+    "agreeing_sets",
     "fit_similarity",
     "fit_to_partial",
     "line_of",
@@ -25,7 +27,8 @@ __all__ = [
 _ON_A_LINE = 0.02  # extent across over extent along below which points leave a rotation open
 
 _CLOSE = 1e-10  # step after which a similarity is refined
-_SAMPLES = 200  # triples that are tried of more than eight points
+_SAMPLES = 200  # triples that are tried of more points
+_ALL_TRIPLES = 12  # points of which all triples are tried, where that is done rarely
 _AT_ONCE = 16384  # distances that stay at hand while they are used
 
 
@@ -77,29 +80,12 @@ def robust_similarity(source: Array, target: Array) -> tuple[Similarity, Bools] 
     on a line.
     """
     n = len(source)
-    if n < 3:
+    index = _triples(source, target)
+    if not len(index):
         return None
-    rng = np.random.default_rng(0)
-    if n <= 8:
-        index = np.array(
-            [(i, j, k) for i in range(n) for j in range(i + 1, n) for k in range(j + 1, n)]
-        )
-    else:
-        index = np.argsort(rng.random((_SAMPLES, n)), axis=1)[:, :3] if n < 400 else (
-            rng.integers(0, n, (_SAMPLES, 3))
-        )  # fmt: skip
-    base = source[index]
-    edge1, edge2 = base[:, 1] - base[:, 0], base[:, 2] - base[:, 0]
-    area = np.linalg.norm(np.cross(edge1, edge2), axis=1)
-    span = float(np.ptp(source, axis=0).max())
-    good = area > 1e-4 * span * span
-    if not good.any() or not float(np.ptp(target, axis=0).max()) > 0.0:
-        return None
-    index = index[good]
-    scale, rotation, shift = _closed_form(source[index], target[index])
     # three points always agree: at least one more must
     half = min(n - 1, max(n // 2, 3))
-    rows = np.concatenate((scale[:, None, None] * rotation, shift[:, :, None]), axis=2)
+    rows = _by_triples(source, target, index)
     columns = np.vstack((source.T, np.ones(n)))
     best, least = 0, np.inf  # of squares
     step = max(1, _AT_ONCE // n)
@@ -118,6 +104,70 @@ def robust_similarity(source: Array, target: Array) -> tuple[Similarity, Bools] 
     inliers = distance <= limit
     inliers[index[best]] = True
     return fit_similarity(source[inliers], target[inliers]), inliers
+
+
+def agreeing_sets(source: Array, target: Array, most: int) -> list[Bools]:
+    """Return sets of points on which a similarity agrees much better than on the next one.
+
+    Of every size from three on those triples count that leave least. The sets are ordered by what
+    the first point outside is off over what the last one inside is.
+
+    Parameters
+    ----------
+    source, target
+        (n, 3) points before and after.
+    most
+        How many sets are returned at most.
+    """
+    n = len(source)
+    index = _triples(source, target, all_up_to=_ALL_TRIPLES)
+    if n < 4 or not len(index):
+        return []
+    columns = np.vstack((source.T, np.ones(n)))
+    squares = _squares(_by_triples(source, target, index), columns, target)
+    ordered = np.sort(squares, axis=1)
+    rounding = (1e-12 * float(np.abs(target).max())) ** 2
+    found: dict[bytes, tuple[float, Bools]] = {}
+    for size in range(3, n):
+        taken = 0
+        for k in np.argsort(ordered[:, size - 1], kind="stable").tolist():
+            inside: Bools = squares[k] <= ordered[k, size - 1]
+            gap = float(ordered[k, size] / (ordered[k, size - 1] + rounding))
+            key = inside.tobytes()
+            if key in found or np.count_nonzero(inside) != size:
+                continue
+            found[key] = gap, inside
+            taken += 1
+            if taken == most:
+                break
+    best = sorted(found.values(), key=lambda one: -one[0])
+    return [inside for gap, inside in best[:most] if gap > 1.0]
+
+
+def _triples(source: Array, target: Array, *, all_up_to: int = 8) -> Index:
+    """(k, 3) triples to try, not on a line: all of few points, some of many."""
+    n = len(source)
+    if n < 3 or not float(np.ptp(target, axis=0).max()) > 0.0:
+        return np.empty((0, 3), dtype=np.intp)
+    rng = np.random.default_rng(0)
+    if n <= all_up_to:
+        index = np.array(list(combinations(range(n), 3)))
+    else:
+        index = np.argsort(rng.random((_SAMPLES, n)), axis=1)[:, :3] if n < 400 else (
+            rng.integers(0, n, (_SAMPLES, 3))
+        )  # fmt: skip
+    base = source[index]
+    edge1, edge2 = base[:, 1] - base[:, 0], base[:, 2] - base[:, 0]
+    area = np.linalg.norm(np.cross(edge1, edge2), axis=1)
+    span = float(np.ptp(source, axis=0).max())
+    out: Index = index[area > 1e-4 * span * span]
+    return out
+
+
+def _by_triples(source: Array, target: Array, index: Index) -> Array:
+    """(k, 3, 4) similarities of (k, 3) triples: rotation times scale, and shift."""
+    scale, rotation, shift = _closed_form(source[index], target[index])
+    return np.concatenate((scale[:, None, None] * rotation, shift[:, :, None]), axis=2)
 
 
 def _squares(rows: Array, columns: Array, target: Array) -> Array:

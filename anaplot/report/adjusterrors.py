@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -50,6 +50,7 @@ __all__ = [
 _MOST = 30  # rows of a list in the text; JSON holds them all
 _ODDS = 0.01  # smallest probability shown
 _BUT_HELD = " but those rejected before"
+_AGAINST = "the control on which photos and other control agree tells against it"
 _FAR = "its ray misses the point by more than a twentieth of the principal distance"
 
 
@@ -141,7 +142,8 @@ def errors_document(cleaned: BlockFindings) -> Document:
             say("  ORDER  {:<{width}}       ERROR     SIGMA           w   RED-N  BECAUSE",
                 "OBSERVATION", width=width)
         )  # fmt: skip
-        lines = tuple(_rejected_line(row, width, found.strategy, cleaned.far) for row in rejected)
+        why = dict.fromkeys(cleaned.far, _FAR) | dict.fromkeys(cleaned.against, _AGAINST)
+        lines = tuple(_rejected_line(row, width, found.strategy, why) for row in rejected)
         page.append(Listed(lines, MOST_ROWS, "  and {} more"))
         page += change_lines(cleaned.point_change, "on the ground", "m", indent=2)
     elif not cleaned.points:
@@ -276,7 +278,7 @@ def _rejected_line(
     row: Rejection[ObservationName],
     width: int,
     strategy: str,
-    far: frozenset[ObservationName] = frozenset(),
+    why: Mapping[ObservationName, str],
 ) -> Line:
     scale, unit = SHOWN_UNITS[row.unit]
     error = None if row.error is None else row.error * scale
@@ -290,7 +292,7 @@ def _rejected_line(
                 say("{} {:.2f} above {:.2f}", _measure(strategy), row.statistic, row.critical)
             )
     elif row.order == 0:
-        ends.append(say(_FAR if row.name in far else "no solution is found with it"))
+        ends.append(say(why.get(row.name, "no solution is found with it")))
     if row.weight is not None:
         ends.append(say(", weight {:.2g}", row.weight))
     if row.partners:

@@ -226,7 +226,7 @@ def test_columns_never_touch() -> None:
         usual = row._replace(error=-1.23e-4, sigma=1e-5, unit=unit)
         for size in (-99.99, -123.45, 1e12):
             large = usual._replace(order=123456, error=-(size**2), sigma=-size)
-            lines = [line_text(_rejected_line(one, 30, "search")) for one in (usual, large)]
+            lines = [line_text(_rejected_line(one, 30, "search", {})) for one in (usual, large)]
             assert words(lines[0]) == words(lines[1])
 
 

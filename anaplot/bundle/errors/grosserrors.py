@@ -16,7 +16,13 @@ from typing import NamedTuple, cast
 import numpy as np
 
 from anaplot.adjustment.cleaned import Cleaned
-from anaplot.adjustment.cleaning import Attempts, Cleaning, CleaningEnd, SolvedWithout
+from anaplot.adjustment.cleaning import (
+    Attempts,
+    Cleaning,
+    CleaningEnd,
+    SolvedWithout,
+    best_of,
+)
 from anaplot.adjustment.findings import SearchSettings
 from anaplot.adjustment.pairodds import MOST_ROWS_OF_PAIRS
 from anaplot.adjustment.partners import WEAK
@@ -32,6 +38,7 @@ from anaplot.adjustment.watch import Watch
 from anaplot.aliases import Array
 from anaplot.bundle.adjust import evaluate, points_settled
 from anaplot.bundle.errors.blockrows import BlockPlace, BlockRows
+from anaplot.bundle.errors.controlagreed import agreed_places, contradicted
 from anaplot.bundle.errors.laterresiduals import AllRows
 from anaplot.bundle.errors.leftout import missing
 from anaplot.bundle.errors.misfits import (
@@ -99,6 +106,9 @@ class BlockFindings(Cleaned[BlockPlace, ObservationName, AllRows]):
     far
         Image coordinates of rays that miss their points by so much that they were taken for other
         points' (`mismatched`).
+    against
+        Coordinates of control that stay out because control that agrees tells against them
+        (`agreed_places`).
     """
 
     block: AdjustedBlock
@@ -107,10 +117,11 @@ class BlockFindings(Cleaned[BlockPlace, ObservationName, AllRows]):
     held: frozenset[ObservationName] = frozenset()
     misnamed: tuple[MisnamedRay, ...] = ()
     far: frozenset[ObservationName] = frozenset()
+    against: frozenset[ObservationName] = frozenset()
 
     @property
     def kept_out(self) -> frozenset[ObservationName]:
-        """Not looked at: `far`, or no solution was found with them, whatever else was out."""
+        """Not looked at: `far`, `against`, or without a solution, whatever else was out."""
         return self.end.held - self.held
 
     @property
@@ -306,7 +317,7 @@ def block_gross_errors(
         first=first if whole else None,
     )
     cleaning = Cleaning(subject, strategy, used, watch, as_given)
-    end, far = _best_end(cleaning, subject, first, second, held, complete=complete)
+    end, far, against = _best_end(cleaning, subject, first, second, held, complete=complete)
     cleaned, found = first, end.solved.solution.found
     if found is not None:
         # at scale they are known from the last pass
@@ -316,7 +327,9 @@ def block_gross_errors(
     others = sorted(end.out.difference(held, went), key=subject.rows.row_of)
     rejected = (*others, *went)
     misnamed = misnamed_rays(cleaned, rejected, watch)
-    return BlockFindings(end, rejected, cleaned, begun, used, held, misnamed, far)
+    return BlockFindings(
+        end, rejected, cleaned, begun, used, held, misnamed, far, against & end.held
+    )
 
 
 _Names = frozenset[ObservationName]
@@ -383,12 +396,13 @@ def _best_end(
     held: _Names,
     *,
     complete: bool,
-) -> tuple[CleaningEnd[BlockPlace, ObservationName, AllRows], _Names]:
+) -> tuple[CleaningEnd[BlockPlace, ObservationName, AllRows], _Names, _Names]:
     """Search from the first adjustment, and from a robust one where there is a second place.
 
-    Where no set that is found can be left out, what fits nowhere stays out for good. `held` is
-    what stays out; `complete`: the first adjustment lacks nothing else. Returned with the end:
-    the `mismatched` coordinates.
+    Where so much control is out that the rest may be wrong, also from control that agrees. Where no
+    set that is found can be left out, what fits nowhere stays out for good. `held` is what stays
+    out; `complete`: the first adjustment lacks nothing else. Returned with the end: the
+    `mismatched` coordinates, and those of control that others told against.
     """
     problem = subject.problem
     attempts = Attempts(cleaning)
@@ -414,9 +428,52 @@ def _best_end(
     torn = _TORN**2 * max(problem.redundancy, 1)
     if not any(end.settled and end.score <= torn for end in attempts.ends):
         attempts.begin(here, SolvedWithout(here, first.vtpv) if complete else None, held)
+    best = best_of(attempts.ends) if attempts.ends else None
+    against = _Names()
+    if best is not None and contradicted(problem, best.out - held):
+        against = _begin_on_agreed(attempts, subject, best, held | far)
     kept_out = frozenset(missing(problem, reduced)) - held
     # so many misfits, and residuals that contradict the a-priori sigma: it is wrong, not they
     many = 2 * len(kept_out) > cleaning.settings.room(problem.redundancy)
     if not attempts.ends and kept_out and not (attempts.doubted and many):
         attempts.begin(place, None, held | kept_out)
-    return attempts.best(), far
+    return attempts.best(), far, against
+
+
+def _begin_on_agreed(
+    attempts: Attempts[BlockPlace, ObservationName, AllRows],
+    subject: BlockRows,
+    best: CleaningEnd[BlockPlace, ObservationName, AllRows],
+    held: _Names,
+) -> _Names:
+    """Search also from control that agrees, until so little of it is out that nothing is doubted.
+
+    Parameters
+    ----------
+    attempts, subject
+        The search.
+    best
+        The end that is doubted.
+    held
+        What stays out.
+
+    Returns
+    -------
+    frozenset
+        Coordinates of control that stayed out in one of these searches.
+    """
+    problem, watch = subject.problem, attempts.cleaning.watch
+    rays = frozenset(name for name in best.out if name[0] == "image")
+    rejected = subject.problem_without(rays).rejected
+    places = agreed_places(
+        problem, best.solved.solution.state, rejected, attempts.cleaning.settings.alpha, watch
+    )
+    against = _Names()
+    for place, out in places:
+        before = len(attempts.ends)
+        attempts.begin(place, None, held | out)
+        against |= out
+        ended = attempts.ends[before:]
+        if watch.stopped or any(not contradicted(problem, end.out - held) for end in ended):
+            break
+    return against

@@ -14,6 +14,7 @@ import numpy as np
 
 from anaplot.aliases import Array, Bools, Index, Progress
 from anaplot.bundle.adjust import adjust_problem, calibrated, evaluate, points_settled
+from anaplot.bundle.errors.controlagreed import agreed_places
 from anaplot.bundle.errors.leftout import missing, with_rows_of
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.datum import anchor, check_datum
@@ -103,6 +104,7 @@ def adjust_without_misfits(
     structure = make_structure(bare, start.centres)
     try:
         least = minimum_without_misfits(bare, structure, RobustPlace(start), progress=progress)
+        least = least or _on_agreed(bare, start, progress)
         if least is None:
             raise failure
         reduced, found = least
@@ -117,6 +119,17 @@ def adjust_without_misfits(
     except np.linalg.LinAlgError:
         raise failure from None
     return PartialAdjustment(block, missing(whole, reduced), str(failure), points)
+
+
+def _on_agreed(
+    problem: Problem, start: BlockState, progress: Progress | None
+) -> tuple[Problem, Minimum] | None:
+    """Return the bundle on the control that agrees with the photos, and its minimum; None: none."""
+    places = agreed_places(problem, start, problem.rejected, problem.test.alpha, progress)
+    for place, _ in places:
+        if place.found is not None:
+            return place.found.normal.problem, place.found
+    return None
 
 
 def points_gone(problem: Problem, reduced: Problem) -> tuple[str, ...]:

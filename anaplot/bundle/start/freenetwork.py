@@ -18,7 +18,7 @@ from anaplot.bundle.start.robust import no_minimum_error, robust_state
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.similarity import robust_similarity
 
-__all__ = ["MIRRORED", "from_free_network", "mirror_remark", "unsolved_error"]
+__all__ = ["MIRRORED", "free_network", "from_free_network", "mirror_remark", "unsolved_error"]
 
 MIRRORED = "control is the mirror image of what the photos show"
 """Where the remark of `mirror_remark` begins."""
@@ -26,6 +26,33 @@ MIRRORED = "control is the mirror image of what the photos show"
 _FEWEST = 4  # control points of which a mirror image may be told from the block itself
 _CLEARLY = 20.0  # times better than the block has its mirror image to fit
 _MOST = 0.75  # of the control points, and fit these
+
+
+def free_network(
+    problem: Problem, start: BlockState, progress: Progress | None = None
+) -> tuple[Problem, BlockState]:
+    """Return the block without its datum, and its solution from a state.
+
+    Where gross errors would tear its minimum it is the robust one.
+
+    Raises
+    ------
+    NotComputableError
+        There is no such network, or no minimum is found.
+    numpy.linalg.LinAlgError
+        Nor can its equations be solved.
+    """
+    free = make_problem(
+        replace(problem.block, conditions=()), datum="free", undetermined=problem.undetermined
+    )
+    bare = restricted(free, problem, start)
+    structure = make_structure(free, bare.centres)
+    check_datum(free, bare)
+    solution = robust_state(free, structure, bare)
+    bare = solution.state
+    if not foreseen_torn(free, structure, solution):
+        bare = find_minimum(free, bare, structure, progress=progress).state
+    return free, bare
 
 
 def from_free_network(
@@ -38,7 +65,7 @@ def from_free_network(
     control. None when there is no such network.
     """
     try:
-        free, bare = _free_network(problem, start, progress)
+        free, bare = free_network(problem, start, progress)
         return laid_onto_control(problem, free, bare)
     except (NotComputableError, np.linalg.LinAlgError):
         return None
@@ -63,7 +90,7 @@ def mirror_remark(problem: Problem, start: BlockState) -> str | None:
     if problem.defect or len(known) < _FEWEST:
         return None
     try:
-        free, bare = _free_network(problem, start, None)
+        free, bare = free_network(problem, start, None)
     except (NotComputableError, np.linalg.LinAlgError):
         return None
     at = {point: k for k, point in enumerate(free.points)}
@@ -90,23 +117,6 @@ def unsolved_error(
     if mirrored is None:
         return no_minimum_error(problem, structure, start, state)
     return NoConvergenceError(f"block {problem.block.name}: no solution found: {mirrored}", start)
-
-
-def _free_network(
-    problem: Problem, start: BlockState, progress: Progress | None
-) -> tuple[Problem, BlockState]:
-    """Return the block without its datum, and its solution from a state."""
-    free = make_problem(
-        replace(problem.block, conditions=()), datum="free", undetermined=problem.undetermined
-    )
-    bare = restricted(free, problem, start)
-    structure = make_structure(free, bare.centres)
-    check_datum(free, bare)
-    solution = robust_state(free, structure, bare)
-    bare = solution.state
-    if not foreseen_torn(free, structure, solution):
-        bare = find_minimum(free, bare, structure, progress=progress).state
-    return free, bare
 
 
 def _misfit(network: Array, ground: Array) -> float:

@@ -1,0 +1,180 @@
+"""Control that contradicts itself: where most of it agrees with the photos, a place to begin at.
+
+Two wrong control points of six, or two that were interchanged, draw the block along, and hide
+behind each other: a search that begins with all of them rejects right ones. The photos alone know
+nothing of them. Their free network says which control points lie to each other as the photos see
+them; the block that lies on these tells of the others, coordinate by coordinate, which are wrong.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from anaplot.adjustment.significance import critical_normal
+from anaplot.aliases import Array, Bools, Index, Progress
+from anaplot.bundle.errors.blockrows import BlockPlace
+from anaplot.bundle.solve.datum import check_datum
+from anaplot.bundle.solve.gaussnewton import Minimum, find_minimum
+from anaplot.bundle.solve.imaging import BlockState
+from anaplot.bundle.solve.observations import ObservationName
+from anaplot.bundle.solve.problem import Problem
+from anaplot.bundle.solve.reliability import compute_cofactors
+from anaplot.bundle.solve.structure import make_structure
+from anaplot.bundle.start.approximate import laid_onto_control
+from anaplot.bundle.start.freenetwork import free_network
+from anaplot.errors import NotComputableError
+from anaplot.photogrammetry.similarity import agreeing_sets
+
+__all__ = ["AgreedPlace", "agreed_places", "contradicted"]
+
+_FEWEST = 4  # control points, of which one may be told by the others
+_SHARE = 3  # one of so many control points may be wrong without a doubt about the others
+_LOOSE = 100.0  # times its extent: sigma of control that hardly holds anything
+_MOST = 3  # sets of control that are tried
+
+
+class AgreedPlace(NamedTuple):
+    """A place to begin at.
+
+    Attributes
+    ----------
+    place
+        The block adjusted on the control that agrees.
+    out
+        The coordinates of other control that are wrong then.
+    """
+
+    place: BlockPlace
+    out: frozenset[ObservationName]
+
+
+def contradicted(problem: Problem, out: frozenset[ObservationName]) -> bool:
+    """Whether so much control is out that the rest of it may be what is wrong.
+
+    A control point is out with any of its coordinates, or with most of its rays.
+
+    Parameters
+    ----------
+    problem
+        The bundle, with all observations.
+    out
+        The observations that a search has left out.
+    """
+    known = _whole_control(problem)
+    if len(known) < _FEWEST or problem.defect:
+        return False
+    at = {problem.points[k]: k for k in known.tolist()}
+    gone = np.zeros(len(problem.points), dtype=bool)
+    coordinates = np.zeros(len(problem.points), dtype=np.intp)
+    for name in out:
+        point = at.get(str(name[2])) if name[0] == "image" else at.get(str(name[1]))
+        if point is None:
+            continue
+        if name[0] == "control":
+            gone[point] = True
+        elif name[0] == "image":
+            coordinates[point] += 1
+    rays = np.bincount(problem.point, minlength=len(problem.points))
+    gone |= coordinates > rays
+    return _SHARE * int(gone[known].sum()) > len(known)
+
+
+def agreed_places(
+    problem: Problem,
+    start: BlockState,
+    rejected: Bools | None,
+    alpha: float,
+    progress: Progress | None = None,
+) -> Iterator[AgreedPlace]:
+    """Adjust a block on those of its control points that lie to each other as the photos say.
+
+    Parameters
+    ----------
+    problem
+        The bundle, with all observations.
+    start
+        Where its free network begins.
+    rejected
+        (m, 2) image coordinates that are out; None: none. Those of control points come in again.
+    alpha
+        Significance above which a coordinate of the other control points is wrong.
+    progress
+        Called with what is being done and the fraction of it.
+
+    Yields
+    ------
+    AgreedPlace
+        Of every set of control that may be right, the likeliest first. There is none where the
+        photos make no free network, or control free of error would be wrong.
+    """
+    known = _whole_control(problem)
+    if rejected is not None:
+        # a ray of wrong control was rejected for it
+        rejected = rejected & ~np.isin(problem.point, known)[:, None]
+        rejected = rejected if problem.off is None else rejected | problem.off
+    try:
+        free, network = free_network(problem, start, progress)
+    except (NotComputableError, np.linalg.LinAlgError):
+        return
+    at = {point: k for k, point in enumerate(free.points)}
+    known = np.array([k for k in known.tolist() if problem.points[k] in at], dtype=np.intp)
+    if len(known) < _FEWEST:
+        return
+    seen = network.points[[at[problem.points[k]] for k in known.tolist()]]
+    ground = problem.known[known] - problem.known[known].mean(axis=0)
+    for agree in agreeing_sets(seen, ground, _MOST):
+        others = known[~agree]
+        if problem.fixed[others].any():
+            continue
+        # a point that its rays do not determine alone needs its control, however loosely
+        for loose in (np.nan, _LOOSE * float(np.ptp(ground, axis=0).max())):
+            sigma = problem.known_sigma.copy()
+            sigma[others] = loose
+            reduced = replace(problem, known_sigma=sigma, rejected=rejected)
+            try:
+                found = _adjusted(reduced, free, network, progress)
+                wrong = _wrong(problem, found, others, alpha)
+            except (NotComputableError, np.linalg.LinAlgError):
+                continue
+            exact = not np.isfinite(loose)
+            yield AgreedPlace(BlockPlace.of(found) if exact else BlockPlace(found.state), wrong)
+            break
+
+
+def _whole_control(problem: Problem) -> Index:
+    """Return the control points with three coordinates."""
+    whole = (problem.fixed | np.isfinite(problem.known_sigma)).all(axis=1)
+    return np.flatnonzero(whole)
+
+
+def _adjusted(
+    reduced: Problem, free: Problem, network: BlockState, progress: Progress | None
+) -> Minimum:
+    """Return the minimum of a bundle on the control that it has left."""
+    laid = laid_onto_control(reduced, free, network)
+    if laid is None:
+        raise NotComputableError(f"block {reduced.block.name}: control does not suffice")
+    check_datum(reduced, laid)
+    structure = make_structure(reduced, laid.centres)
+    return find_minimum(reduced, laid, structure, progress=progress)
+
+
+def _wrong(
+    problem: Problem, found: Minimum, others: Index, alpha: float
+) -> frozenset[ObservationName]:
+    """Return the coordinates of control that a block without it says are wrong.
+
+    By the difference over its standard deviation, that of control and of the point together.
+    """
+    cofactors = compute_cofactors(found.normal, found.factor)
+    variance = np.einsum("nii->ni", cofactors.points)[others]
+    off: Array = found.state.points[others] + found.state.origin - problem.known[others]
+    sigma = np.sqrt(variance + problem.known_sigma[others] ** 2)
+    wrong = np.abs(off) > critical_normal(alpha) * sigma
+    return frozenset(
+        ("control", problem.points[others[k]], "XYZ"[axis]) for k, axis in np.argwhere(wrong)
+    )

@@ -1,0 +1,137 @@
+"""Control of which a part is wrong, or interchanged: the part that agrees with the photos holds."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import startkinds
+from bundleblocks import Scene
+from hypothesis import given
+from hypothesis import strategies as st
+
+from anaplot.bundle.errors.controlagreed import contradicted
+from anaplot.bundle.errors.grosserrors import BlockFindings, block_gross_errors
+from anaplot.bundle.solve.problem import make_problem
+from anaplot.photogrammetry.rotation import rotation_matrix
+from anaplot.photogrammetry.similarity import agreeing_sets
+from anaplot.report.adjusterrors import errors_document
+from anaplot.report.astext import page_text
+
+
+def scene_of(kind: str, seed: int, control: int) -> tuple[Scene, np.random.Generator]:
+    """Return a block with so many control points, and the numbers that go on."""
+    rng = np.random.default_rng(seed)
+    layout = getattr(startkinds, kind)(rng, 1)
+    scene = startkinds.measured(replace(layout, control=(control, layout.control[1])), rng)
+    return scene, rng
+
+
+def shifted(scene: Scene, rng: np.random.Generator, size: float, axes: str) -> set[tuple[str, ...]]:
+    """Let two control points lie elsewhere along some axes; return the coordinates."""
+    control, wrong = list(scene.block.control), set()
+    for k in rng.choice(len(control), 2, replace=False).tolist():
+        xyz = list(control[k].xyz)
+        for axis in axes:
+            xyz["XYZ".index(axis)] += size * rng.choice([-1, 1])
+            wrong.add(("control", control[k].point, axis))
+        control[k] = replace(control[k], xyz=tuple(xyz))
+    scene.block = replace(scene.block, control=tuple(control))
+    return wrong
+
+
+def interchanged(scene: Scene, rng: np.random.Generator) -> set[str]:
+    """Interchange two control points; return them."""
+    control = list(scene.block.control)
+    i, j = rng.choice(len(control), 2, replace=False).tolist()
+    a, b = control[i], control[j]
+    control[i], control[j] = replace(a, xyz=b.xyz), replace(b, xyz=a.xyz)
+    scene.block = replace(scene.block, control=tuple(control))
+    return {a.point, b.point}
+
+
+def off_by(scene: Scene, cleaned: BlockFindings) -> float:
+    """Return by how much the worst projection centre is off [m]."""
+    state = cleaned.block.state
+    true = np.array([scene.centres[name] for name in cleaned.block.problem.photos])
+    return float(np.linalg.norm(state.centres + state.origin - true, axis=1).max())
+
+
+@pytest.mark.parametrize(
+    ("kind", "seed", "size", "axes", "strategy", "control"),
+    [
+        # rejected seven observations, and lay 1 km off: no test told
+        pytest.param("block", 0, 1000.0, "XYZ", "search", 5, marks=pytest.mark.slow),
+        ("block", 0, 30.0, "XYZ", "baarda", 6),
+        # heights of two: rejected those of four others
+        ("block", 1, 1000.0, "Z", "danish", 6),
+        ("strip", 0, 30.0, "Z", "baarda", 6),
+        # had no solution
+        pytest.param("strip", 2, 1000.0, "X", "search", 5, marks=pytest.mark.slow),
+    ],
+)
+def test_two_wrong_control_points_are_found(
+    kind: str, seed: int, size: float, axes: str, strategy: str, control: int
+) -> None:
+    scene, rng = scene_of(kind, seed, control)
+    wrong = shifted(scene, rng, size, axes)
+    cleaned = block_gross_errors(scene.block, strategy)
+    assert {one.name for one in cleaned.rejected if one.name[0] == "control"} == wrong
+    assert off_by(scene, cleaned) < 1.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("seed", "strategy"), [(1, "search"), (1, "danish"), (3, "danish")])
+def test_interchanged_control_points_are_found(seed: int, strategy: str) -> None:
+    scene, rng = scene_of("oblique", seed, 5)
+    wrong = interchanged(scene, rng)
+    cleaned = block_gross_errors(scene.block, strategy)
+    assert {one.name[1] for one in cleaned.rejected if one.name[0] == "control"} == wrong
+    assert off_by(scene, cleaned) < 0.5
+    assert cleaned.against
+    assert cleaned.against <= {one.name for one in cleaned.rejected}
+    assert "on which photos and other control agree" in page_text(errors_document(cleaned).page)
+
+
+def test_only_much_control_that_is_out_is_a_contradiction() -> None:
+    problem = make_problem(scene_of("block", 0, 6)[0].block)
+    held = [
+        name
+        for name, sigma in zip(problem.points, problem.known_sigma, strict=True)
+        if np.isfinite(sigma).all()
+    ]
+    assert len(held) == 6
+
+    def out(*points: str) -> frozenset[tuple[str, ...]]:
+        return frozenset(("control", point, "Z") for point in points)
+
+    assert not contradicted(problem, out(*held[:2]))
+    assert contradicted(problem, out(*held[:3]))
+    # all rays of it, and the control stays
+    rays = [
+        ("image", row.photo, row.point, row.model, axis)
+        for row in problem.block.image_points
+        if row.point == held[2]
+        for axis in "xy"
+    ]
+    assert contradicted(problem, out(*held[:2]).union(rays))
+    assert not contradicted(problem, out(*held[:2]).union(rays[:2]))
+
+
+@given(st.integers(0, 10**6), st.integers(5, 30), st.floats(0.1, 100.0))
+def test_points_that_agree_are_the_first_set(seed: int, count: int, scale: float) -> None:
+    rng = np.random.default_rng(seed)
+    source = rng.normal(size=(count, 3)) * scale
+    right = np.ones(count, dtype=bool)
+    right[rng.choice(count, int(rng.integers(1, max(2, count // 3))), replace=False)] = False
+    target = 3.0 * source @ rotation_matrix(*rng.normal(size=3)).T + rng.normal(size=3)
+    target[~right] += scale * rng.choice([-1, 1], size=(int((~right).sum()), 3))
+    sets = agreeing_sets(source, target, 3)
+    assert len(sets) <= 3
+    np.testing.assert_array_equal(sets[0], right)
+
+
+def test_three_points_tell_of_none() -> None:
+    points = np.eye(3)
+    assert agreeing_sets(points, 2.0 * points, 3) == []
