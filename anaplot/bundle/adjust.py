@@ -45,6 +45,8 @@ __all__ = [
     "points_settled",
 ]
 
+_FEW_RAYS = 10_000  # up to which a block that does not fit is compared with its mirror image
+
 
 def adjust_block(
     block: Block,
@@ -340,7 +342,10 @@ def _warnings(
             f"sigma0 is {sigma0:.0f} times what was expected: there are gross errors"
             + "".join(f"; {suspect.what} is off by {suspect.size}" for suspect in worst[:3])
         )
-        mirrored = mirror_remark(problem, start.state)
+    # the free network takes about as long as the adjustment
+    torn = sigma0 is not None and sigma0 > TORN
+    if torn or (len(problem.photo) <= _FEW_RAYS and not fits(problem, found)):
+        mirrored = mirror_remark(problem, found.state if robust is None else robust.state)
         if mirrored is not None:
             out.append(mirrored)
     return out

@@ -7,8 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import startkinds
 from bundleblocks import aerial
 
+from anaplot.bundle import adjust
 from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.errors.grosserrors import block_gross_errors
 from anaplot.errors import NotComputableError
@@ -88,3 +90,43 @@ def test_control_in_a_plane_tells_no_mirror_image() -> None:
     assert said(flat) == ""
     crooked = moved(flat, lambda row: [1.5 * (row.xyz[0] or 0.0), *row.xyz[1:]])
     assert TOLD not in said(crooked)
+
+
+def flat(kind: str, control: int) -> Block:
+    """Return a block whose mirror image is bent a little where it is adjusted."""
+    rng = np.random.default_rng(0)
+    layout = getattr(startkinds, kind)(rng, 1)
+    return startkinds.measured(replace(layout, control=(control, layout.control[1])), rng).block
+
+
+@pytest.mark.parametrize(("kind", "least"), [("block", 10.0), ("oblique", 5.0)])
+def test_a_mirror_image_that_tears_a_block_a_little_is_told(kind: str, least: float) -> None:
+    made = moved(flat(kind, 6), lambda row: GROUND["Z"](*row.xyz))
+    adjusted = adjust_block(made)
+    assert adjusted.sigma0 is not None
+    assert least < adjusted.sigma0 < 50.0
+    assert TOLD in " ".join(adjusted.warnings)
+    # rejecting control until the rest fits is no way out
+    cleaned = block_gross_errors(made, "search")
+    assert cleaned.block.sigma0 < 1.2
+    assert TOLD in " ".join(cleaned.remarks)
+
+
+def test_a_search_in_a_large_block_asks_for_the_mirror_image_at_its_end(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(adjust, "_FEW_RAYS", 10)
+    made = moved(flat("block", 6), lambda row: GROUND["Z"](*row.xyz))
+    assert TOLD not in " ".join(adjust_block(made).warnings)
+    cleaned = block_gross_errors(made, "baarda")
+    assert TOLD in " ".join(cleaned.remarks)
+
+
+def test_control_that_contradicts_itself_is_no_mirror_image() -> None:
+    made = flat("block", 6)
+    control = list(made.control)
+    for k in (1, 4):
+        control[k] = replace(control[k], xyz=(*control[k].xyz[:2], control[k].xyz[2] + 30.0))
+    made = replace(made, control=tuple(control))
+    assert TOLD not in said(made)
+    assert TOLD not in " ".join(block_gross_errors(made, "search").remarks)

@@ -29,10 +29,10 @@ from anaplot.bundle.start.freenetwork import free_network
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.similarity import agreeing_sets
 
-__all__ = ["AgreedPlace", "agreed_places", "contradicted"]
+__all__ = ["AgreedPlace", "agreed_places", "contradicted", "control_out", "doubtful"]
 
 _FEWEST = 4  # control points, of which one may be told by the others
-_SHARE = 3  # one of so many control points may be wrong without a doubt about the others
+_SHARE = 1 / 3  # of the control points may be wrong without a doubt about the others
 _LOOSE = 100.0  # times its extent: sigma of control that hardly holds anything
 _MOST = 3  # sets of control that are tried
 
@@ -55,8 +55,6 @@ class AgreedPlace(NamedTuple):
 def contradicted(problem: Problem, out: frozenset[ObservationName]) -> bool:
     """Whether so much control is out that the rest of it may be what is wrong.
 
-    A control point is out with any of its coordinates, or with most of its rays.
-
     Parameters
     ----------
     problem
@@ -64,9 +62,25 @@ def contradicted(problem: Problem, out: frozenset[ObservationName]) -> bool:
     out
         The observations that a search has left out.
     """
+    return control_out(problem, out) > _SHARE
+
+
+def doubtful(problem: Problem, out: frozenset[ObservationName]) -> bool:
+    """Whether control may be the mirror image of what the photos show, by what a search left out.
+
+    Its parameters are those of `contradicted`; in a flat block less of it is out.
+    """
+    return control_out(problem, out) >= _SHARE
+
+
+def control_out(problem: Problem, out: frozenset[ObservationName]) -> float:
+    """Return the share of the control points that are out: 0 where they are too few to tell.
+
+    A control point is out with any of its coordinates, or with most of its rays.
+    """
     known = _whole_control(problem)
     if len(known) < _FEWEST or problem.defect:
-        return False
+        return 0.0
     at = {problem.points[k]: k for k in known.tolist()}
     gone = np.zeros(len(problem.points), dtype=bool)
     coordinates = np.zeros(len(problem.points), dtype=np.intp)
@@ -80,7 +94,7 @@ def contradicted(problem: Problem, out: frozenset[ObservationName]) -> bool:
             coordinates[point] += 1
     rays = np.bincount(problem.point, minlength=len(problem.points))
     gone |= coordinates > rays
-    return _SHARE * int(gone[known].sum()) > len(known)
+    return int(gone[known].sum()) / len(known)
 
 
 def agreed_places(

@@ -29,6 +29,7 @@ from anaplot.adjustment.partners import WEAK
 from anaplot.adjustment.scale import (
     LARGEST,
     LEAST_REDUNDANCY,
+    ScaleError,
     robust_scale,
     scale_error,
 )
@@ -38,7 +39,7 @@ from anaplot.adjustment.watch import Watch
 from anaplot.aliases import Array
 from anaplot.bundle.adjust import evaluate, points_settled
 from anaplot.bundle.errors.blockrows import BlockPlace, BlockRows
-from anaplot.bundle.errors.controlagreed import agreed_places, contradicted
+from anaplot.bundle.errors.controlagreed import agreed_places, contradicted, doubtful
 from anaplot.bundle.errors.laterresiduals import AllRows
 from anaplot.bundle.errors.leftout import missing
 from anaplot.bundle.errors.misfits import (
@@ -63,7 +64,7 @@ from anaplot.bundle.solve.problem import Problem, make_problem
 from anaplot.bundle.solve.remade import among_points, without_points
 from anaplot.bundle.solve.selection import FAR_APART
 from anaplot.bundle.solve.structure import make_structure
-from anaplot.bundle.start.freenetwork import MIRRORED
+from anaplot.bundle.start.freenetwork import MIRRORED, mirror_remark
 from anaplot.bundle.start.robust import robust_state
 from anaplot.errors import InputError
 from anaplot.photogrammetry.block import Block
@@ -109,6 +110,9 @@ class BlockFindings(Cleaned[BlockPlace, ObservationName, AllRows]):
     against
         Coordinates of control that stay out because control that agrees tells against them
         (`agreed_places`).
+    mirrored
+        That control is the mirror image of what the photos show, where a search among gross errors
+        has ended beside that; else None.
     """
 
     block: AdjustedBlock
@@ -118,6 +122,7 @@ class BlockFindings(Cleaned[BlockPlace, ObservationName, AllRows]):
     misnamed: tuple[MisnamedRay, ...] = ()
     far: frozenset[ObservationName] = frozenset()
     against: frozenset[ObservationName] = frozenset()
+    mirrored: str | None = None
 
     @property
     def kept_out(self) -> frozenset[ObservationName]:
@@ -197,12 +202,8 @@ class BlockFindings(Cleaned[BlockPlace, ObservationName, AllRows]):
     def remarks(self) -> tuple[str, ...]:
         """Sentences: what limited the search, and photos or control that is wrong as a whole."""
         said = list(super().remarks)
-        # what is left in may fit its mirror image, and does not tell it any more
-        said += [
-            remark
-            for remark in self.begun.block.warnings
-            if remark.startswith(MIRRORED) and remark not in self.block.warnings
-        ]
+        if self.mirrored is not None and self.mirrored not in self.block.warnings:
+            said.append(self.mirrored)
         for photos, are_more in (
             (self.photo_losses, "lose as many"),
             (self.hardly_checked, "are checked as little"),
@@ -317,7 +318,14 @@ def block_gross_errors(
         first=first if whole else None,
     )
     cleaning = Cleaning(subject, strategy, used, watch, as_given)
-    end, far, against = _best_end(cleaning, subject, first, second, held, complete=complete)
+    try:
+        end, far, against = _best_end(cleaning, subject, first, second, held, complete=complete)
+    except ScaleError as error:
+        start = first.state if first.robust is None else first.robust.state
+        mirrored = mirror_remark(first.problem, start)
+        if mirrored is None:
+            raise
+        raise ScaleError(f"{error.doubt}; but {mirrored}") from error
     cleaned, found = first, end.solved.solution.found
     if found is not None:
         # at scale they are known from the last pass
@@ -327,8 +335,22 @@ def block_gross_errors(
     others = sorted(end.out.difference(held, went), key=subject.rows.row_of)
     rejected = (*others, *went)
     misnamed = misnamed_rays(cleaned, rejected, watch)
+    # what is left in may fit its mirror image, and does not tell it any more
+    told = [remark for remark in first.warnings if remark.startswith(MIRRORED)]
+    if not told and doubtful(every, end.out - held):
+        remark = mirror_remark(every, end.solved.solution.state)
+        told = [] if remark is None else [remark]
     return BlockFindings(
-        end, rejected, cleaned, begun, used, held, misnamed, far, against & end.held
+        end,
+        rejected,
+        cleaned,
+        begun,
+        used,
+        held,
+        misnamed,
+        far,
+        against & end.held,
+        next(iter(told), None),
     )
 
 
