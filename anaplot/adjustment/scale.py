@@ -22,6 +22,7 @@ __all__ = [
     "AprioriSigma",
     "ScaleError",
     "check_scale",
+    "common_factor",
     "robust_scale",
     "scale_error",
 ]
@@ -36,6 +37,10 @@ LEAST_REDUNDANCY = 6
 _LEAST_OF_SMALL = 10  # redundancy below which residuals are small by chance
 
 _NO_NOISE = 1e-3  # scale of a simulation without noise
+
+_ENOUGH = 50  # redundancy below which gross errors, spread over all residuals, look like noise
+
+_UNLIKE = 1.2  # root mean square over robust scale, 1 of noise; in our tests 1.28 of gross errors
 
 
 class AprioriSigma(NamedTuple):
@@ -99,6 +104,40 @@ def robust_scale(w: Array, r: Array, trimmed: float = 0.0) -> float | None:
     if not len(size):
         return None
     return float(np.median(size) / ndtri(0.5 + (1.0 - trimmed) / 4.0))
+
+
+def common_factor(v: Array, r: Array) -> float | None:
+    """Return the factor by which nearly all residuals contradict the a-priori sigma.
+
+    A wrong sigma leaves the residuals as they are distributed: their root mean square and their
+    robust scale agree. Gross errors, also those that the adjustment spreads, make the first larger.
+
+    Parameters
+    ----------
+    v
+        (n,) residuals in units of the a-priori sigma.
+    r
+        (n,) redundancy numbers.
+
+    Returns
+    -------
+    float or None
+        The root mean square; None where most residuals agree with the sigma (a factor of 0.2 to
+        5), where they are unlike each other, and where they are too few to tell: a redundancy
+        below 50, of residuals that are too small below 10.
+    """
+    good = r > WEAK
+    redundancy = float(r[good].sum())
+    if redundancy < _LEAST_OF_SMALL:
+        return None
+    factor = float(np.sqrt(v[good] @ v[good] / redundancy))
+    scale = robust_scale(v[good] / np.sqrt(r[good]), r[good])
+    if not scale:
+        return None
+    large = min(scale, factor) > LARGEST and redundancy >= _ENOUGH
+    # the median of few is off by chance
+    alike = factor <= max(_UNLIKE, 1.0 + 2.0 / redundancy**0.5) * scale
+    return factor if alike and (large or max(scale, factor) < SMALLEST) else None
 
 
 def check_scale(
@@ -170,8 +209,9 @@ def scale_error(apriori: AprioriSigma, scale: float, fits: float) -> ScaleError:
     fits
         The factor with which nothing is flagged.
     """
+    times = f"{scale:.0f}" if scale >= 100.0 else f"{scale:.2g}"
     return ScaleError(
-        f"{apriori.of}: most residuals are {scale:.2g} times what their standard deviations say: "
+        f"{apriori.of}: most residuals are {times} times what their standard deviations say: "
         f"is {apriori.name} = {apriori.value:g} right? With {_up(fits * apriori.value)} "
         f"{apriori.unit} nothing is flagged"
     )

@@ -8,6 +8,7 @@ from math import sqrt
 import numpy as np
 
 from anaplot.aliases import Progress
+from anaplot.bundle.imagesigma import SigmaDoubt, doubt_of
 from anaplot.bundle.solve.additional import AdditionalParameters
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.datum import check_datum, datum_change, rescaled
@@ -305,6 +306,7 @@ def evaluate(
     redundancy = problem.redundancy
     vtpv = linear.vtpv
     sigma0 = sqrt(vtpv / redundancy) if redundancy > 0 else None
+    doubt = doubt_of(linear.e, cofactors.r, problem.block.precision.image_um)
     return AdjustedBlock(
         problem=problem,
         state=found.state,
@@ -313,7 +315,7 @@ def evaluate(
         vtpv=vtpv,
         redundancy=redundancy,
         v=linear.e,
-        warnings=tuple(_warnings(problem, found, sigma0, robust)),
+        warnings=tuple(_warnings(problem, found, sigma0, robust, doubt)),
         robust=robust,
     )
 
@@ -323,6 +325,7 @@ def _warnings(
     found: Minimum,
     sigma0: float | None,
     robust: RobustPlace | None,
+    doubt: SigmaDoubt | None,
 ) -> list[str]:
     linear = found.normal.linear
     out = []
@@ -335,17 +338,20 @@ def _warnings(
     out += stated_remarks(problem, found.state)
     if problem.redundancy == 0:
         out.append("no redundancy: nothing is checked")
-    if sigma0 is not None and sigma0 > TORN:
-        start = RobustPlace(found.state) if robust is None else robust
+    torn = sigma0 is not None and sigma0 > TORN
+    start = RobustPlace(found.state) if robust is None else robust
+    mirrored = None
+    # the free network takes about as long as the adjustment
+    if torn or (len(problem.photo) <= _FEW_RAYS and not fits(problem, found)):
+        mirrored = mirror_remark(problem, start.state)
+    if torn and (doubt is None or mirrored is not None):
         worst = robust_suspects(problem, found.normal.structure, start)
         out.append(
             f"sigma0 is {sigma0:.0f} times what was expected: there are gross errors"
             + "".join(f"; {suspect.what} is off by {suspect.size}" for suspect in worst[:3])
         )
-    # the free network takes about as long as the adjustment
-    torn = sigma0 is not None and sigma0 > TORN
-    if torn or (len(problem.photo) <= _FEW_RAYS and not fits(problem, found)):
-        mirrored = mirror_remark(problem, found.state if robust is None else robust.state)
-        if mirrored is not None:
-            out.append(mirrored)
+    if mirrored is not None:
+        out.append(mirrored)
+    elif doubt is not None:
+        out.append(str(doubt))
     return out

@@ -56,6 +56,7 @@ from anaplot.bundle.errors.photosofrejected import (
     hardly_checked_photos,
     losses_of_photos,
 )
+from anaplot.bundle.imagesigma import doubt_of
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.imaging import BlockState, RobustPlace
 from anaplot.bundle.solve.linearised import counted_misclosures
@@ -318,7 +319,10 @@ def block_gross_errors(
         first=first if whole else None,
     )
     cleaning = Cleaning(subject, strategy, used, watch, as_given)
+    told = [remark for remark in first.warnings if remark.startswith(MIRRORED)]
     try:
+        if cleaning.by_apriori and not control_only and not told:
+            _check_common_scale(subject, first, used.alpha)
         end, far, against = _best_end(cleaning, subject, first, second, held, complete=complete)
     except ScaleError as error:
         start = first.state if first.robust is None else first.robust.state
@@ -336,7 +340,6 @@ def block_gross_errors(
     rejected = (*others, *went)
     misnamed = misnamed_rays(cleaned, rejected, watch)
     # what is left in may fit its mirror image, and does not tell it any more
-    told = [remark for remark in first.warnings if remark.startswith(MIRRORED)]
     if not told and doubtful(every, end.out - held):
         remark = mirror_remark(every, end.solved.solution.state)
         told = [] if remark is None else [remark]
@@ -356,6 +359,21 @@ def block_gross_errors(
 
 _Names = frozenset[ObservationName]
 _Solved = SolvedWithout[BlockPlace, ObservationName]
+
+
+def _check_common_scale(subject: BlockRows, first: AdjustedBlock, alpha: float) -> None:
+    """Complain, before anything is rejected, where nearly all residuals are off alike.
+
+    Raises
+    ------
+    ScaleError
+        They are.
+    """
+    v, r = first.v, first.cofactors.r
+    doubt = doubt_of(v, r, subject.apriori.value)
+    if doubt is not None:
+        largest = float((np.abs(v[r > WEAK]) / np.sqrt(r[r > WEAK])).max())
+        raise scale_error(subject.apriori, doubt.factor, largest / critical_normal(alpha))
 
 
 def _check_scale_at(
