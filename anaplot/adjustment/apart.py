@@ -19,10 +19,10 @@ is what they leave in doubt, since what is off alike in one photo adds up (R_ij 
 of its bound in the mean, but a share of it, or the root of the squares, let too much of a photo go
 at once of which half is off). A row goes where it exceeds its limit by more than that, and the
 others of its place by twice as much; where the doubt is less than a tenth of a sigma it counts for
-nothing. What is left waits for the next sweep; the largest of all never waits, and what went too
-early comes back. Of rows that are hard to tell apart another one may go than one by one. Rows that
-exceed their limits only as long as the others are in would all go and all come back: where a set
-comes again, one step alone is taken.
+nothing. What is left waits for the next sweep; the largest of all never waits, for one that cannot
+go (nothing checks it by itself) nobody does, and what went too early comes back. Of rows that are
+hard to tell apart another one may go than one by one. Rows that exceed their limits only as long as
+the others are in would all go and all come back: where a set comes again, one step alone is taken.
 
 Sweeps begin without what the place of linearisation was found without: what a robust solution
 leaves far off, or what the pass before has rejected. There the rule decides anew in every place as
@@ -315,22 +315,31 @@ class _Sweeps:
             back[gone] = True
         rows = np.flatnonzero(bad | back)
         numbers, at = np.unique(given.places_of(rows), return_inverse=True)
-        top, first = np.zeros(len(numbers)), np.zeros(len(numbers))
-        np.maximum.at(top, at, np.where(bad[rows], size[rows], 0.0))
+        largest, first = np.where(bad[rows], size[rows], 0.0), np.zeros(len(numbers))
         np.maximum.at(first, at, np.nan_to_num(size[rows]))
-        reach = given.reach(numbers) * np.sqrt(share)
-        doubts = Doubts(top, reach, given.touching(numbers))
-        # what the largest row of a place leaves in doubt, its rows do
-        waits = ~np.isin(numbers, given.places_of(gone))
-        waits &= doubts.blocks(self.critical, _NEGLIGIBLE)
+        reach, touching = given.reach(numbers) * np.sqrt(share), given.touching(numbers)
         kept = frozenset[int]() if anew else out
-        decided: list[tuple[float, list[SearchStep], Index]] = []
-        value = given.vtpv
-        for places in self._places(given, numbers[~waits]):
-            value += float(np.sum(places.vtpv - given.vtpv)) if anew else 0.0
-            which = np.searchsorted(numbers, places.numbers)
-            for k, steps, mine in self._decided(places, kept, which, doubts, stands):
-                decided.append((float(first[k]), steps, mine))
+        while True:
+            top = np.zeros(len(numbers))
+            np.maximum.at(top, at, largest)
+            doubts = Doubts(top, reach, touching)
+            # what the largest row of a place leaves in doubt, its rows do
+            waits = ~np.isin(numbers, given.places_of(gone))
+            waits &= doubts.blocks(self.critical, _NEGLIGIBLE)
+            decided: list[tuple[float, list[SearchStep], Index]] = []
+            value = given.vtpv
+            for places in self._places(given, numbers[~waits]):
+                value += float(np.sum(places.vtpv - given.vtpv)) if anew else 0.0
+                which = np.searchsorted(numbers, places.numbers)
+                for k, steps, mine in self._decided(places, kept, which, doubts, stands):
+                    decided.append((float(first[k]), steps, mine))
+            # what nothing leaves in doubt and stays all the same cannot go: nobody waits for it
+            stays = np.zeros(len(numbers), dtype=bool)
+            for k in np.flatnonzero(~waits & (top > 0.0)).tolist() if not decided else ():
+                stays[k] = doubts.of(k, float(top[k])) <= _NEGLIGIBLE
+            if not stays.any():
+                break
+            largest[stays[at] & (largest >= top[at])] = 0.0
         changes = self._changes(value, kept, exchange=False)
         decided.sort(key=lambda one: -one[0])
         for _, steps, mine in decided:
