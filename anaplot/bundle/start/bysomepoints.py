@@ -21,7 +21,7 @@ from anaplot.errors import NotComputableError
 
 __all__ = ["oriented_by_some"]
 
-_NEAR = 1e-3  # of n: change in the last step; the rays that are missing leave some fifty times that
+_NEAR = 2e-2  # of n: change in the last step; the missing rays leave more than what it has left
 
 
 def oriented_by_some(
@@ -50,7 +50,7 @@ def oriented_by_some(
     try:
         structure = make_structure(smaller, start.centres)
         there = replace(start, points=start.points[chosen])
-        found = robust_state(smaller, structure, there, enough=_NEAR, progress=progress)
+        found = robust_state(smaller, structure, there, firm=True, enough=_NEAR, progress=progress)
     except (NotComputableError, np.linalg.LinAlgError):
         return None
     if not found.explains(smaller):

@@ -50,6 +50,8 @@ OFF = 20.0
 OF_A_PHOTO = 0.25
 """Share of a photo's rays that may be off where it is oriented rightly."""
 
+_DAMPING = 1e-3  # of the first step
+_FIRM = 1e-6  # of it where many rays hold every photo
 _ROBUST = 1e-4  # of n: squared change of the whitened residuals where robust steps end
 _STEPS = 12
 _AGREED = "where most measurements agree, sigma0 is"
@@ -414,6 +416,7 @@ def robust_state(
     start: BlockState,
     *,
     of_some: bool = False,
+    firm: bool = False,
     enough: float = _ROBUST,
     progress: Progress | None = None,
 ) -> RobustState:
@@ -430,12 +433,18 @@ def robust_state(
     of_some
         Whether the start is already such a state of some of the points, with the others placed by
         it: the first step with all of them that makes it better settles it.
+    firm
+        Whether every photo has so many rays that its steps need hardly any damping, as `of_some`
+        has: what control says would wait for that to fade.
     enough
         Of n: squared change of the whitened residuals in a step that is the last one.
     progress
         Called with what is being done and the fraction of it.
     """
-    state, held, least, settled = _robust(problem, structure, start, progress, enough, one=of_some)
+    damping = _FIRM if firm or of_some else _DAMPING
+    state, held, least, settled = _robust(
+        problem, structure, start, progress, damping, enough, one=of_some
+    )
     image, control, *_ = _misfits(problem, held, state)
     off = control > OFF * np.nan_to_num(np.nanmax(np.where(held, least, 0.0), axis=1))
     rays_off = image > OFF * problem.sigma
@@ -471,6 +480,7 @@ def _robust(
     structure: Structure,
     start: BlockState,
     progress: Progress | None = None,
+    damping: float = _DAMPING,
     enough: float = _ROBUST,
     *,
     one: bool = False,
@@ -490,7 +500,6 @@ def _robust(
     state = start
     tie = anchor(problem, state) if problem.defect else None
     weights = None if tie is None else tie.weights
-    damping = 1e-3
     for done in range(_STEPS):
         if progress is not None:
             progress("robust solution", done / _STEPS)
