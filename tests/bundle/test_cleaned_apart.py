@@ -196,6 +196,46 @@ def test_a_draft_is_seen_from_what_is_adjusted_already(monkeypatch, kind: str, k
     )
 
 
+@pytest.mark.parametrize("kind", ["aerial", "tilted", "stated", "calibrated"])
+def test_where_a_block_lies_without_rows_is_foreseen_from_what_they_were_seen_from(
+    kind: str,
+) -> None:
+    """Also where the equations are those of another place near the one that all is seen from."""
+    options = {}
+    if kind == "calibrated":
+        options["additional"] = additional_parameters("ebner")
+    system, block, structure = system_of(scenes().get(kind, scenes()["aerial"]), **options)
+    out = sorted(np.flatnonzero(system.r > 0.3)[::9][:9].tolist())
+    before, after = without(system.rows, frozenset(out[:6])), without(system.rows, frozenset(out))
+    centres = (
+        block.state.centres
+        + np.random.default_rng(5).normal(size=(len(structure.pattern.order), 3)) * 0.01
+    )
+    elsewhere = replace(block.state, centres=centres)
+    parts = BlockParts(
+        LaterResiduals(system.problem, block.state, structure),
+        block.state,
+        structure,
+        before,
+        lambda: compute_cofactors(*equations_at(before, structure, elsewhere)[:2]),
+    )
+    assert parts.foreseen(after, out) == (block.state, 0)  # nothing has been looked at
+    assert not parts.drafted(out).exact
+    state, steps = parts.foreseen(after, out)
+    assert 2 <= steps <= 5
+    exact = find_minimum(after, block.state, structure)
+    found = find_minimum(after, state, structure, led=steps)
+    assert found.convergence.iterations == steps  # its first equations are those of the minimum
+    for of in ("centres", "rotations", "points", "own", "shared"):
+        np.testing.assert_allclose(
+            getattr(found.state, of), getattr(exact.state, of), rtol=1e-9, atol=2e-8
+        )
+    # of other rows, or where a step leads upwards, there is none
+    assert parts.foreseen(after, out[1:]) == (block.state, 0)
+    parts._given.step = tuple(-part for part in parts._given.step)
+    assert parts.foreseen(after, out) == (block.state, 0)
+
+
 def test_a_place_of_which_rows_are_out_reaches_as_far_as_with_them() -> None:
     system, block, structure = system_of(scenes()["tilted"])
     problem = system.problem

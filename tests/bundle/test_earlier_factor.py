@@ -13,6 +13,7 @@ from gnssblocks import flown
 from anaplot.bundle.solve import gaussnewton
 from anaplot.bundle.solve.additional import additional_parameters
 from anaplot.bundle.solve.gaussnewton import (
+    LEFT,
     Minimum,
     NoConvergenceError,
     _nearer,
@@ -21,7 +22,7 @@ from anaplot.bundle.solve.gaussnewton import (
     find_minimum,
 )
 from anaplot.bundle.solve.imaging import BlockState
-from anaplot.bundle.solve.linearised import linearise, rounding
+from anaplot.bundle.solve.linearised import effect, linearise, rounding
 from anaplot.bundle.solve.normal import NormalEquations
 from anaplot.bundle.solve.problem import Problem, make_problem
 from anaplot.bundle.solve.reliability import compute_cofactors
@@ -112,11 +113,31 @@ def test_a_place_near_the_minimum_is_enough_where_that_is_asked_for(name: str) -
     near = find_minimum(problem, start, structure, enough=enough)
     assert near.convergence.iterations < exact.convergence.iterations
     assert 1e-14 * problem.observations < left_at(near) < enough * problem.observations
-    # the equations are those of where it is
-    np.testing.assert_array_equal(near.normal.linear.e, linearise(problem, near.state).e)
+    # the equations are those of where the last step began, or of where it is in the datum kept
+    there = linearise(problem, near.state).e
+    led = (
+        near.normal.linear.e + effect(problem, near.normal.linear, near.normal.step(near.factor)).e
+    )
+    np.testing.assert_allclose(led, there, atol=0.02 * np.abs(there).max())
+    assert np.array_equal(near.normal.linear.e, there) == bool(problem.defect)
     on = find_minimum(problem, near.state, structure)
     np.testing.assert_allclose(on.state.points, exact.state.points, rtol=1e-9, atol=2e-8)
     np.testing.assert_allclose(on.normal.linear.e, exact.normal.linear.e, atol=1e-7)
+
+
+@pytest.mark.parametrize("name", ["control", "self-calibration", "gross errors"])
+def test_where_steps_have_led_to_the_minimum_its_equations_end_it(name: str) -> None:
+    problem, start = case_of(name)
+    structure = make_structure(problem, start.centres)
+    exact = find_minimum(problem, start, structure)
+    found = find_minimum(problem, exact.state, structure, led=3)
+    assert found.convergence.iterations == 3
+    assert found.state is exact.state
+    assert abs(left_at(found)) < LEFT * problem.observations
+    # from elsewhere it goes on, and all steps count
+    again = find_minimum(problem, start, structure, led=3)
+    assert again.convergence.iterations == exact.convergence.iterations + 3
+    np.testing.assert_array_equal(again.state.points, exact.state.points)
 
 
 @pytest.mark.parametrize(

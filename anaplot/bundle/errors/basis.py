@@ -78,7 +78,7 @@ class Basis:
     block
         All rows, linearised somewhere.
     cofactors
-        Of the adjustment without the rows that are out, linearised there.
+        Of the adjustment without the rows that are out, linearised there or very near.
     out
         Rows that are out.
 
@@ -86,6 +86,9 @@ class Basis:
     ----------
     gone
         (n,) whether a row is out.
+    step
+        Corrections of photos, points and shared parameters in one linear adjustment without what is
+        out.
     e, vtpv
         (n,) misclosures after one linear adjustment without what is out, of all rows; v'Pv of those
         that are in.
@@ -101,6 +104,8 @@ class Basis:
         self._kept: dict[int, Laid] = {}
         self._size, self._at = np.zeros(count, dtype=np.intp), np.zeros(count, dtype=np.intp)
         self._reach = np.full(count, np.nan)
+        normal = cofactors.normal
+        self.step = normal.solution(cofactors.factor, normal.gradient(block.linear))
         self.e = self._left()
         kept = self.e[~self.gone]
         self.vtpv = float(kept @ kept)
@@ -150,10 +155,9 @@ class Basis:
 
     def _left(self) -> Array:
         """(n,) misclosures after one linear adjustment without what is out, of all rows."""
-        of, normal = self.block.rows, self.cofactors.normal
-        step = normal.step(self.cofactors.factor)
+        of = self.block.rows
         before = of.gathered(self.block.linear)
-        before += of.gathered(effect(self.block.problem, self.block.linear, step))
+        before += of.gathered(effect(self.block.problem, self.block.linear, self.step))
         return -np.asarray(before)
 
     def _redundancies(self, out: Index) -> Array:

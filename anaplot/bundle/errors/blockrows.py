@@ -117,6 +117,7 @@ class BlockRows:
         self._watch, self._control_only = watch, control_only
         self._rows: Observations | None = None
         self._first = first
+        self._parts: BlockParts | None = None
         block = problem.block
         # control, priors and conditions may be far better, or worse, than they say
         rows = 2 * len(problem.photo)
@@ -160,8 +161,14 @@ class BlockRows:
         self, out: frozenset[ObservationName], near: BlockPlace
     ) -> SolvedWithout[BlockPlace, ObservationName]:
         """Adjust without some rows."""
+        rows = frozenset(map(self.rows.row_of, out))
+        problem, parts, self._parts = without(self.rows, rows), self._parts, None
+        state, led = near.state, 0
+        if parts is not None:
+            state, led = parts.foreseen(problem, sorted(rows))
+            del parts  # as large as the block
         near.let_go()  # asked for again only where the passes do not settle
-        found = self._minimum(self.problem_without(out), near.state)
+        found = self._minimum(problem, state, led)
         return SolvedWithout(BlockPlace.of(found), found.convergence.last)
 
     def suspects(self, system: AllRows) -> Bools:
@@ -194,12 +201,15 @@ class BlockRows:
         """Return how it is seen without some rows, of a block too large to be cleaned as one."""
         if not self._apart:
             return None
-        return BlockParts(system, at.state, self.structure, at.reduced, lambda: at.cofactors)
+        self._parts = BlockParts(system, at.state, self.structure, at.reduced, lambda: at.cofactors)
+        return self._parts
 
     def astray(self, error: NotComputableError) -> bool:
         """Whether there was no minimum to be found."""
         return isinstance(error, NoConvergenceError)
 
-    def _minimum(self, problem: Problem, state: BlockState) -> Minimum:
+    def _minimum(self, problem: Problem, state: BlockState, led: int) -> Minimum:
         check_datum(problem, state)
-        return find_minimum(problem, state, self.structure, firm=True, progress=self._watch)
+        return find_minimum(
+            problem, state, self.structure, firm=True, led=led, progress=self._watch
+        )

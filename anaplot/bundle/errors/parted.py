@@ -12,6 +12,7 @@ Where that is not good enough, the block is adjusted anew without the rows.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from functools import cached_property
 
 import numpy as np
@@ -24,16 +25,28 @@ from anaplot.bundle.errors.basis import Basis
 from anaplot.bundle.errors.laterresiduals import AllRows, left_open
 from anaplot.bundle.errors.leftout import rows_missing, without
 from anaplot.bundle.errors.rowcoupling import NotSolvedError, RowCoupling
-from anaplot.bundle.solve.datum import anchor
+from anaplot.bundle.solve.datum import anchor, rescaled
 from anaplot.bundle.solve.factor import NotPositiveError
+from anaplot.bundle.solve.gaussnewton import LEFT, change_of
 from anaplot.bundle.solve.imaging import BlockState
-from anaplot.bundle.solve.linearised import linearise
+from anaplot.bundle.solve.linearised import (
+    Linearised,
+    Unknowns,
+    effect,
+    linearise,
+    move,
+    objective,
+)
 from anaplot.bundle.solve.normal import NormalEquations, PointError
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.reliability import Cofactors, compute_cofactors
 from anaplot.bundle.solve.structure import Structure
 
 __all__ = ["BlockParts", "BlockWithout", "can_be_parted"]
+
+_MOST_STEPS = 5  # from where a block is linearised to its minimum without other rows
+_HARDLY = 0.1  # of what may be left at a minimum
+_ROUNDING = 1e-12  # of v'Pv: by which it may seem to grow
 
 
 def can_be_parted(problem: Problem) -> bool:
@@ -67,6 +80,7 @@ class BlockParts:
         self._system, self._state, self._structure = system, state, structure
         self._reduced, self._known = reduced, known
         self._last: Basis | None = None
+        self._given: BlockWithout | None = None
 
     @cached_property
     def begun(self) -> tuple[int, ...]:
@@ -97,7 +111,8 @@ class BlockParts:
         basis = self._basis
         if not np.array_equal(rows, np.flatnonzero(basis.gone)):
             basis = self._adjusted(out)
-        return BlockWithout(basis, rows)
+        self._given = BlockWithout(basis, rows)
+        return self._given
 
     def drafted(self, out: Sequence[int]) -> BlockWithout:
         """Return all rows: misclosures as `adjusted`, redundancy numbers by the place alone.
@@ -110,12 +125,49 @@ class BlockParts:
             Not all unknowns are determined without them.
         """
         try:
-            return BlockWithout(self._basis, np.array(out, dtype=np.intp))
+            self._given = BlockWithout(self._basis, np.array(out, dtype=np.intp))
         except (NotSolvedError, np.linalg.LinAlgError):
             return self.adjusted(out)
+        return self._given
+
+    def foreseen(self, problem: Problem, out: Sequence[int]) -> tuple[BlockState, int]:
+        """Return where the block lies without some rows, and how many steps lead there.
+
+        That are those of the rows that were looked at last, by what they were seen from: of others,
+        or where a step leads upwards, or where the datum hangs on where it begins, there is none.
+
+        Parameters
+        ----------
+        problem
+            The bundle without these rows.
+        out
+            Which rows, ascending.
+        """
+        state, given, steps = self._state, self._given, 0
+        if given is None or problem.defect or not np.array_equal(given.out, out):
+            return state, 0
+        value, depth = objective(problem, state)
+        step, behind = given.step, int((depth <= 0.0).sum())
+        before, last = 0.0, False
+        with suppress(NotSolvedError, np.linalg.LinAlgError):
+            while True:
+                trial = rescaled(problem, move(problem, state, *step))
+                linear = linearise(problem, trial)
+                above = not linear.vtpv <= value * (1.0 + _ROUNDING)
+                if above or int((linear.depth <= 0.0).sum()) > behind:
+                    break
+                before = before if steps else value - linear.vtpv
+                state, value, steps = trial, linear.vtpv, steps + 1
+                if last or steps == _MOST_STEPS:
+                    break
+                step, change = given.again(linear)
+                # what is left after it, if it brings as much nearer as the one before
+                last = change * change <= _HARDLY * LEFT * problem.observations * before
+                before = change
+        return state, steps
 
     def _adjusted(self, out: Sequence[int]) -> Basis:
-        self._last = None  # as large as the block
+        self._last = self._given = None  # as large as the block
         if len(out):
             problem = without(self._system.rows, frozenset(out))
             weights = anchor(problem, self._state).weights if problem.defect else None
@@ -140,10 +192,17 @@ class BlockWithout:
         What it is seen from.
     out
         Rows that are left out, ascending.
+
+    Attributes
+    ----------
+    out
+        As it was given.
+    step
+        Corrections of photos, points and shared parameters in one linear adjustment without them.
     """
 
     def __init__(self, basis: Basis, out: Index) -> None:
-        self._basis = basis
+        self._basis, self.out, self.step = basis, out, basis.step
         self._gone = np.zeros(len(basis.e), dtype=bool)
         self._gone[out] = True
         self.e, self.r, self.vtpv = basis.e, basis.r, basis.vtpv
@@ -179,9 +238,35 @@ class BlockWithout:
         self._coupling = RowCoupling(basis.block, basis.cofactors, changed)
         e = basis.e[changed]
         z = self._coupling.solved(self._sign, e, self._nearly)
-        self.e += self._coupling.beside(z)
+        moved = self._coupling.moved(z)
+        self.step = _sum(self.step, moved)
+        self.e -= basis.block.rows.gathered(effect(basis.block.problem, basis.block.linear, moved))
         self.e[changed] = self._sign * z
         self.vtpv += float(z @ e)
+
+    def again(self, linear: Linearised) -> tuple[Unknowns, float]:
+        """Return the corrections of another step, with the matrix of where it was linearised.
+
+        Also the squared change of the whitened residuals.
+
+        Parameters
+        ----------
+        linear
+            Where the block has come to, without the rows that are left out.
+
+        Raises
+        ------
+        NotSolvedError
+            What comes in and goes is not found.
+        """
+        normal, factor = self._basis.cofactors.normal, self._basis.cofactors.factor
+        sides = normal.gradient(linear, linear)
+        step = normal.solution(factor, sides)
+        if len(self._changed):
+            e = -self._coupling.seen(step)
+            moved = self._coupling.moved(self._coupling.solved(self._sign, e, self._nearly))
+            step = _sum(step, moved)
+        return step, change_of(sides, step)
 
     @property
     def exact(self) -> bool:
@@ -249,3 +334,8 @@ class BlockWithout:
                 block.redundancy,
                 block.names,
             )
+
+
+def _sum(one: Unknowns, other: Unknowns) -> Unknowns:
+    """Return the sum of two changes."""
+    return one[0] + other[0], one[1] + other[1], one[2] + other[2]

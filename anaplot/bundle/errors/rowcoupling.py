@@ -7,7 +7,7 @@ from scipy.sparse import csr_array
 
 from anaplot.aliases import Array, Index
 from anaplot.bundle.errors.laterresiduals import AllRows
-from anaplot.bundle.solve.linearised import effect
+from anaplot.bundle.solve.linearised import Unknowns
 from anaplot.bundle.solve.reliability import Cofactors
 
 __all__ = ["NotSolvedError", "RowCoupling"]
@@ -38,7 +38,7 @@ class RowCoupling:
     """
 
     def __init__(self, block: AllRows, cofactors: Cofactors, rows: Index) -> None:
-        self._block = block
+        self._block, self._count = block, len(rows)
         self._normal, self._factor = cofactors.normal, cofactors.factor
         problem, linear = block.problem, block.linear
         first, second, _, _ = block.rows.starts
@@ -87,22 +87,28 @@ class RowCoupling:
         np.subtract.at(y, self._ray_point, np.einsum("mij,mi->mj", z, x[problem.photo[self._rays]]))
         if len(shared):
             y -= normal.t[self._points] @ s
-        moved = np.einsum("pji,pj->pi", root, y)
-        out = np.zeros(len(v))
-        out[self._with_photo] += np.einsum("kd,kd->k", self._of_photo, x[self._photo])
-        out[self._with_point] += np.einsum("kd,kd->k", self._of_point, moved[self._point])
+        return self._seen(x, np.einsum("pji,pj->pi", root, y), s)
+
+    def _seen(self, photos: Array, mine: Array, shared: Array) -> Array:
+        """(k,) A_D times changes of photos, of the points of D and of shared parameters."""
+        out = np.zeros(self._count)
+        out[self._with_photo] += np.einsum("kd,kd->k", self._of_photo, photos[self._photo])
+        out[self._with_point] += np.einsum("kd,kd->k", self._of_point, mine[self._point])
         if len(shared):
-            out[: len(self._shared)] += np.einsum("kq,kq->k", self._shared, s[self._columns])
+            out[: len(self._shared)] += np.einsum("kq,kq->k", self._shared, shared[self._columns])
         return out
 
-    def beside(self, v: Array) -> Array:
-        """Return (n,) -G v of all rows."""
-        block = self._block
+    def moved(self, v: Array) -> Unknowns:
+        """Return N^-1 A_D' v: changes of photos (n, d), points (p, 3) and border (g,)."""
         photos, mine, shared = self._sides(v)
-        points = np.zeros((len(block.problem.points), 3))
+        points = np.zeros((len(self._block.problem.points), 3))
         points[self._points] = mine
-        moved = self._normal.solution(self._factor, (photos, points, shared))
-        return -block.rows.gathered(effect(block.problem, block.linear, moved))
+        return self._normal.solution(self._factor, (photos, points, shared))
+
+    def seen(self, unknowns: Unknowns) -> Array:
+        """Return (k,) A_D times such changes."""
+        photos, points, shared = unknowns
+        return self._seen(photos, points[self._points], shared)
 
     def solved(self, sign: Array, right: Array, nearly: csr_array) -> Array:
         """Return (k,) (S + G_DD)^-1 right by GMRES (Saad and Schultz 1986).

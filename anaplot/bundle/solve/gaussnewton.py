@@ -29,21 +29,25 @@ from anaplot.bundle.solve.structure import Structure
 from anaplot.errors import NotComputableError
 
 __all__ = [
+    "LEFT",
     "Convergence",
     "Minimum",
     "NoConvergenceError",
     "Step",
+    "change_of",
     "damped_step",
     "equations_at",
     "find_minimum",
 ]
 
 
+LEFT = 1e-16
+"""Of n: squared change of the whitened residuals that may be left at a minimum."""
+
 MAX_ITERATIONS = 200
 _CONVERGED = 1e-13  # of n: squared change of the whitened residuals in the last step
 _CLOSE = 10.0  # of n: the same of a full step whose factor may serve again
 _NEARER = 5e-3  # of the change before: where more is left, an earlier factor serves no longer
-_LEFT = 1e-16  # of n: squared change that may be left where steps with an earlier factor end
 _LEAST = 1e-9  # damping below which there is none
 _FADE = 0.1  # of the damping is left, at least, after a step as good as foreseen
 _STRAINED = 0.25  # of what was foreseen: a step that brings less has strained the points
@@ -117,7 +121,7 @@ class Step(NamedTuple):
 
 
 class Minimum(NamedTuple):
-    """A minimum and the equations there."""
+    """A minimum and the equations there, or a place near it, see `find_minimum`."""
 
     state: BlockState
     normal: NormalEquations
@@ -134,6 +138,7 @@ def find_minimum(
     tries: int | None = None,
     firm: bool = False,
     enough: float = 0.0,
+    led: int = 0,
     progress: Progress | None = None,
 ) -> Minimum:
     """Minimise v'Pv by damped Gauss-Newton steps (Levenberg and Marquardt).
@@ -156,8 +161,11 @@ def find_minimum(
         Whether the observations are known to determine all where it begins, unless too few of them
         are left: nothing is sought then by damping that the first step leaves open.
     enough
-        Of n: squared change of the whitened residuals in a full step that is the last one; where it
-        leads is a place near the minimum, with the equations there.
+        Of n: squared change of the whitened residuals in a full step that is the last one. Where it
+        leads is a place near the minimum; the equations are those of where it began, unless the
+        datum has a defect.
+    led
+        Steps that have led to the start, which may be the minimum already; they count.
     progress
         Called with what is being done and the fraction of it.
 
@@ -179,7 +187,7 @@ def find_minimum(
     first, behind = value, int((depth <= 0.0).sum())
     tie = anchor(problem, state) if problem.defect else None
     weights = None if tie is None else tie.weights
-    damping, growth, accepted, damped, again = 0.0, 2.0, 0, 0, 0
+    damping, growth, accepted, damped, again = 0.0, 2.0, led, 0, led
     full = None  # a full step that is known already
     while accepted < MAX_ITERATIONS and (tries is None or accepted - again + damped < tries):
         # what rounding does to the sum cannot be told from a step
@@ -195,6 +203,9 @@ def find_minimum(
             if step is None:
                 step = damped_step(problem, structure, linear, damping, weights, progress)
             if step is not None:
+                if accepted == led > 0 and not problem.defect and _no_change(problem, step):
+                    ended = Convergence(accepted, damped, first, value)
+                    return Minimum(state, step.normal, step.factor, tie, ended)
                 trial = rescaled(problem, move(problem, state, *step.dx))
                 new_value, depth = objective(problem, trial)
                 done = step.change <= tolerance
@@ -210,7 +221,7 @@ def find_minimum(
                 raise NoConvergenceError(_ended(problem, value, accepted), state)
             if step is None and damping == 0.0:
                 open_here = True
-                if firm and not accepted:
+                if firm and accepted == led:
                     _determined(problem, structure, linear, tie)
             damping, growth = max(damping * growth, _LEAST), 2.0 * growth
             if damping > _RUNAWAY:
@@ -221,8 +232,11 @@ def find_minimum(
         accepted += 1
         settled = by_full = done and damping == 0.0
         if not settled:
-            linear = linearise(problem, state)
             settled = damping == 0.0 and step.change <= enough * problem.observations
+            if settled and not problem.defect:
+                ended = Convergence(accepted, damped, first, value)
+                return Minimum(state, step.normal, step.factor, tie, ended)
+            linear = linearise(problem, state)
             if not settled and damping == 0.0 and step.change <= _CLOSE * problem.observations:
                 (state, linear, value, behind), steps, settled = _nearer(
                     problem, step, _Place(state, linear, value, behind), accepted, progress
@@ -242,7 +256,7 @@ def find_minimum(
             # a point that hardly weighs hides its slow steps from an earlier factor, not from this
             linear, value = found.normal.linear, found.normal.linear.vtpv
             full = _solved(found.normal, found.factor)
-            if full is not None and full.change <= max(_LEFT, enough) * problem.observations:
+            if full is not None and _no_change(problem, full, enough):
                 return found
             del found  # its equations and their factor are those of the next full step
             continue
@@ -255,6 +269,11 @@ def find_minimum(
         # a step that hardly moves is only believed without damping
         damping = 0.0 if damping < _LEAST or done else damping
     raise NoConvergenceError(_ended(problem, value, accepted), state)
+
+
+def _no_change(problem: Problem, step: Step, enough: float = 0.0) -> bool:
+    """Whether a full step changes so little that the place before it is the minimum."""
+    return step.change <= max(LEFT, enough) * problem.observations
 
 
 def _slack(value: float, noise: float) -> float:
@@ -283,10 +302,10 @@ def _nearer(
         state, linear, value, behind = place
         sides = step.normal.gradient(linear, linear)
         dx = step.normal.solution(step.factor, sides)
-        before, change = change, _change(sides, dx)
+        before, change = change, change_of(sides, dx)
         if not change <= _NEARER * before:
             # what is left may be too little to be made less
-            return place, steps, change <= _LEFT * problem.observations
+            return place, steps, change <= LEFT * problem.observations
         noise = rounding(problem, state, linear.depth)
         trial = rescaled(problem, move(problem, state, *dx))
         there = linearise(problem, trial)
@@ -359,7 +378,7 @@ def damped_step(
 def _solved(normal: NormalEquations, factor: Factor) -> Step | None:
     """Return the step that these equations lead to; None when it is not finite."""
     dx = normal.step(factor)
-    change = _change(normal.own_gradient, dx)
+    change = change_of(normal.own_gradient, dx)
     conditions = normal.linear.conditions
     if conditions is not None:
         change -= float(conditions.e @ conditions.effect(dx[1]).e)
@@ -368,7 +387,7 @@ def _solved(normal: NormalEquations, factor: Factor) -> Step | None:
     return Step(dx, max(change, 0.0), normal, factor)
 
 
-def _change(sides: Unknowns, dx: Unknowns) -> float:
+def change_of(sides: Unknowns, dx: Unknowns) -> float:
     """Return the squared change of the whitened residuals that solves for these sides."""
     return sum(float(np.vdot(side, of)) for side, of in zip(sides, dx, strict=True))
 
