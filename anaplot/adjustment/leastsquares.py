@@ -143,12 +143,17 @@ class Adjustment(MadeAgain):
         return np.asarray(self.back.dot(self.back.T))
 
     @cached_property
+    def complete(self) -> Array:
+        """(n, n) `basis` and n - u columns orthogonal to it; their first is along `closing`."""
+        n, k = len(self.triangle), len(self.factors)
+        reflections = np.zeros((n, n), order="F")
+        reflections[:, :k] = self.triangle[:, :k]
+        return np.asarray(lapack.dorgqr(reflections, self.factors, overwrite_a=1)[0])
+
+    @property
     def complement(self) -> Array:
         """(n, n - u) orthonormal columns orthogonal to `basis`; the first is along `closing`."""
-        n, u = self.basis.shape
-        reflections = np.zeros((n, n), order="F")
-        reflections[:, : len(self.factors)] = self.triangle[:, : len(self.factors)]
-        return np.asarray(lapack.dorgqr(reflections, self.factors)[0][:, u:])
+        return self.complete[:, len(self.unknowns) :]
 
     @cached_property
     def projector(self) -> Array:
@@ -260,7 +265,7 @@ def adjust_weighted(
         raise _rank_defect(rows[:-1], unknowns, condition_limit, inf)
     # of n = u rows none is left to check: the triangle has no last row, and nothing is to close
     triangle, factors, _, _ = lapack.dgeqrf(rows.T)
-    q, _, _ = lapack.dorgqr(triangle[:, : len(factors)], factors)
+    q, _, _ = lapack.dorgqr(triangle if n > u else triangle[:, :n], factors)
     diagonal: list[float] = triangle.diagonal().tolist()
     determinant = 1.0
     for square, size in zip(squares, diagonal, strict=False):

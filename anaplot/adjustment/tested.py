@@ -483,22 +483,29 @@ def examine(
     """
     applied = AppliedTest.of(test, redundancy)
     sigma0 = sqrt(vtpv / redundancy) if redundancy > 0 else None
-    factor = applied.factor(sigma0)
-    deviation = sigma * np.sqrt(np.maximum(r, 0.0)) if deviation is None else deviation
+    factor, delta0 = applied.factor(sigma0), applied.delta0
     testable = r >= TESTABLE
     if firm is not None:
         testable |= firm & (r > 0.0)
-    tested = np.where(testable, deviation, np.nan)
-    # deviation of the residual that an error shows of itself: it shows with r of its size
-    of_error = tested / r
-    mdb = applied.delta0 * of_error
-    moved = np.sqrt(np.maximum(1.0 - r, 0.0)) if moved is None else moved
-    effect = mdb / sigma * moved
-    shown = ERROR_PRIOR_SIGMAS * sigma / of_error
+    every = bool(np.logical_and.reduce(testable))
+
+    def known(values: Array) -> Array:
+        return values if every else np.where(testable, values, np.nan)
+
+    # an error of one sigma shows with r of its size: in standard deviations of the residual
+    if deviation is None:
+        root = np.sqrt(np.maximum(r, 0.0))
+        deviation, shown = sigma * root, known(root)
+    else:
+        shown = sigma * r / known(deviation)
+    expected = np.full(len(r), np.nan) if factor is None else factor * deviation
     # a residual that is exactly zero with sigma estimated as zero: nothing deviates from anything
-    w = residual / (tested * (factor or np.nan))
+    w = residual / known(expected) if factor else np.full(len(r), np.nan)
+    mdb = delta0 * sigma / shown
+    moved = np.sqrt(np.maximum(1.0 - r, 0.0)) if moved is None else moved
+    effect = delta0 * moved / shown
     flagged = np.abs(w) > (np.inf if applied.critical is None else applied.critical)
-    if rounding:
+    if rounding and np.logical_or.reduce(flagged):
         flagged &= np.abs(residual) > rounding
     return Tested(
         keys=keys,
@@ -509,13 +516,13 @@ def examine(
         residual=residual,
         r=r,
         deviation=deviation,
-        expected=np.full(len(r), np.nan) if factor is None else factor * deviation,
+        expected=expected,
         w=w,
         mdb=mdb,
         effect=effect if firm is None else np.where(firm, np.nan, effect),
         flagged=flagged,
         use=np.ones(len(r), dtype=np.bool_) if use is None else use,
-        evidence=shown * shown,
+        evidence=ERROR_PRIOR_SIGMAS**2 * (shown * shown),
         ground=None if moved_ground is None else moved_ground * mdb[:, None],
         dense=dense,
     )
@@ -543,8 +550,8 @@ def log_bayes_factor(g: Array, square: Array, redundancy: int, kind: TestKind) -
         return np.asarray(0.5 * (square * shrink - np.log1p(g)))
     f = redundancy
     # w^2 cannot exceed f but for rounding; the bracket stays positive because shrink < 1
-    share = np.minimum(square / f, 1.0) * shrink
-    return np.asarray(-0.5 * (np.log1p(g) + f * np.log1p(-share)))
+    less = np.maximum(square / -f, -1.0) * shrink
+    return np.asarray(-0.5 * (np.log1p(g) + f * np.log1p(less)))
 
 
 def error_odds(g: Array, size: Array, redundancy: int, kind: TestKind) -> Odds:
@@ -575,7 +582,7 @@ def error_odds(g: Array, size: Array, redundancy: int, kind: TestKind) -> Odds:
     prior, none = log((1.0 - NONE_PRIOR) / n), log(NONE_PRIOR)
     most = max(largest + prior, none)
     terms, rest = np.exp(logs + (prior - most)), exp(none - most)
-    total = float(terms.sum()) + rest
+    total = float(np.add.reduce(terms)) + rest
     return Odds(terms / total, rest / total)
 
 

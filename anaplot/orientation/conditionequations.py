@@ -87,24 +87,24 @@ class ConditionEquations:
         self.p1, self.p2 = _rays(pair.xl, pair.c_left), _rays(pair.xr, pair.c_right)
         self.x1 = pair.fixed.rotation.dot(self.p1)
         self.y_index = list(range(len(points)))
+        self.x_index = [k for k, point in enumerate(points) if point in ties]
         if off:
             self.y_index = [k for k in self.y_index if (points[k], "y") not in off]
-        self.x_index = [
-            k for k, point in enumerate(points) if point in ties and (point, "x") not in off
-        ]
+            self.x_index = [k for k in self.x_index if (points[k], "x") not in off]
         self._n, self._m = n, m = len(self.y_index), len(self.x_index)
         self.point = np.array(self.y_index + self.x_index, dtype=np.intp)
         self.right = self.p2.take(self.point, axis=1)
         x1 = self.x1 if n == len(points) else self.x1.take(self.point[:n], axis=1)
         self.plane = -_ROOT_Y / x1[2]
         self.left = np.zeros((6, n + m))
-        np.multiply(x1, self.plane, out=self.left[:3, :n])
+        self.left[:3, :n] = x1 * self.plane
         self.tie_points = self.x1[:, :0]
         if m:
             tied = np.array([ties[points[k]] for k in self.x_index])
             self.tie_points = (tied - pair.fixed.centre).T
             self.left[3:5, n:] = self.tie_points[::2]
             self.left[5, n:] = 1.0
+        self._heights = self.tie_points[2]
         self._products = products(self.left, self.right)
 
     @property
@@ -144,7 +144,7 @@ class ConditionEquations:
 
     def tie_depths(self, state: ModelUnknowns) -> Array:
         """Return (m,) -dZ of the ties from the right projection centre."""
-        depths: Array = state.bx * state.beta_z - self.tie_points[2]
+        depths: Array = state.bx * state.beta_z - self._heights
         return depths
 
     def meet(self, state: ModelUnknowns) -> Intersection:

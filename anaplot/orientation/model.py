@@ -18,7 +18,6 @@ from anaplot.orientation.pair import Stereopair
 from anaplot.orientation.results import ModelSolution, Row
 from anaplot.orientation.solver import (
     IN_FRONT,
-    ConvergedOrientation,
     find_orientation,
     iterate,
     vertical_start,
@@ -110,9 +109,8 @@ def orient(pair: Stereopair, precision: Precision, test: TestSettings) -> ModelS
     omega, phi, kappa = rotation_angles(state.rotation)
     q_l = conditions.cofactors(state.bx)
     try:
-        adjusted = adjust_weighted(
-            _by_unknowns(conditions, solution, omega, phi), q_l, np.sqrt(q_l), unknowns=unknowns
-        )
+        rows = _by_unknowns(conditions, solution.rows, state.bx, omega, phi)
+        adjusted = adjust_weighted(rows, q_l, np.sqrt(q_l), unknowns=unknowns)
     except RankDefectError as error:
         if suspects:
             raise _hopeless(pair, precision, suspects) from error
@@ -287,9 +285,8 @@ def _not_found_error(
     start = vertical_start(pair, conditions, bx)
     unknowns = UNKNOWNS[1:] if conditions.first else UNKNOWNS
     with np.errstate(all="ignore"):
-        solution = ConvergedOrientation(start, conditions.evaluate(start), 0)
-        rows = _by_unknowns(conditions, solution, 0.0, 0.0)
-    if np.isfinite(solution.rows).all():
+        rows = _by_unknowns(conditions, conditions.evaluate(start), start.bx, 0.0, 0.0)
+    if np.isfinite(rows).all():
         q_l = conditions.cofactors(start.bx)
         try:
             adjust_weighted(rows, q_l, np.sqrt(q_l), unknowns=unknowns)
@@ -310,11 +307,11 @@ def _not_found_error(
 
 
 def _by_unknowns(
-    conditions: ConditionEquations, solution: ConvergedOrientation, omega: float, phi: float
+    conditions: ConditionEquations, rows: Array, bx: float, omega: float, phi: float
 ) -> Array:
     """(u + 1, n) weighted rows, derivatives with respect to UNKNOWNS, not d ln bx and turns."""
-    out = solution.rows.copy()
-    out[0] /= solution.state.bx
+    out = rows.copy()
+    out[0] /= bx
     out[3:6] = rotation_axes(omega, phi).T[::-1].dot(out[3:6])
     return out[1:] if conditions.first else out
 

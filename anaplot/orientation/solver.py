@@ -75,19 +75,16 @@ class ConvergedOrientation:
         (7, n + m) derivatives (d ln bx, beta_y, beta_z, three turns) and misclosures, image
         units [mm], each column divided by the root of its cofactor: those before the last
         correction, which is too short to change them and is made again by their adjustment.
+    sum_of_squares
+        Of the weighted misclosures [mm^2].
     iterations
         Number of corrections made.
     """
 
     state: ModelUnknowns
     rows: Array
+    sum_of_squares: float
     iterations: int
-
-    @property
-    def sum_of_squares(self) -> float:
-        """Weighted sum of squared misclosures [mm^2]."""
-        closing = self.rows[6]
-        return float(closing @ closing)
 
 
 def iterate(
@@ -104,29 +101,31 @@ def iterate(
     at its end, by the adjustment. The caller silences divisions by zero.
     """
     with_scale = ties and not conditions.first
-    first = 0 if with_scale else 1
+    used = slice(0 if with_scale else 1, 6)
     state = start
     rows = conditions.evaluate(state, ties=with_scale)
     normal = rows.dot(rows.T)
     damping = 0.0
     for count in range(1, most + 1):
-        square = float(normal[6, 6])
+        square = normal.item(6, 6)
         if not square < inf:
             return None
-        solved = _solved(normal[first:6, first:6], normal[first:6, 6], damping)
+        solved = _solved(normal[used, used], normal[used, 6], damping)
         if solved is None:
             return None
-        step, damping = solved
-        longest = max(max(step), -min(step))
+        excess, damping = solved
+        longest = max(max(excess), -min(excess))
         if longest > LARGEST_TURN:
-            step = [s * LARGEST_TURN / longest for s in step]
-        trial = _moved(state, step if with_scale else [0.0, *step])
+            excess = [s * LARGEST_TURN / longest for s in excess]
+        if not with_scale:
+            excess = [0.0, *excess]
+        trial = _corrected(state, *excess)
         if longest < CONVERGED and not damping:
-            return ConvergedOrientation(trial, rows, count)
+            return ConvergedOrientation(trial, rows, square, count)
         trial_rows = conditions.evaluate(trial, ties=with_scale)
         trial_normal = trial_rows.dot(trial_rows.T)
         # weights and coefficients move with the unknowns, hence the room of a few steps
-        better = float(trial_normal[6, 6]) <= square * (1.0 + 4.0 * longest) + 1e-24
+        better = trial_normal.item(6, 6) <= square * (1.0 + 4.0 * longest) + 1e-24
         if better:
             state, rows, normal = trial, trial_rows, trial_normal
         if longest < CONVERGED:
@@ -141,28 +140,31 @@ def iterate(
 
 
 def _solved(matrix: Array, right: Array, damping: float) -> tuple[list[float], float] | None:
-    """Return the correction of damped normal equations, and the damping that it took."""
+    """Return what damped normal equations find too much, and the damping that it took."""
     while True:
         damped = matrix
         if damping:
             diagonal = matrix.diagonal()
             damped = matrix + np.diag(damping * diagonal + 1e-14 * diagonal.max())
-        _, correction, info = lapack.dposv(damped, right)
+        _, solution, info = lapack.dposv(damped, right)
         if info == 0:
-            step: list[float] = (-correction).tolist()
-            if abs(sum(step)) < inf:
-                return step, damping
+            excess: list[float] = solution.tolist()
+            if abs(sum(excess)) < inf:
+                return excess, damping
         damping = max(10.0 * damping, 1e-8)
         if damping > _LARGEST_DAMPING:
             return None
 
 
-def _moved(state: ModelUnknowns, step: list[float]) -> ModelUnknowns:
+def _corrected(
+    state: ModelUnknowns, bx: float, beta_y: float, beta_z: float, x: float, y: float, z: float
+) -> ModelUnknowns:
+    """Return unknowns less what was found too much: d ln bx, beta_y, beta_z and three turns."""
     return ModelUnknowns(
-        state.bx * (1.0 + step[0]),
-        state.beta_y + step[1],
-        state.beta_z + step[2],
-        turn(*step[3:]).dot(state.rotation),
+        state.bx * (1.0 - bx),
+        state.beta_y - beta_y,
+        state.beta_z - beta_z,
+        turn(-x, -y, -z).dot(state.rotation),
     )
 
 

@@ -154,8 +154,9 @@ def exact_statistics(
     """
     rows = _RowDerivatives(pair, conditions, state)
     sigma, basis, complement = rows.covariance(), adjusted.basis, adjusted.complement
-    along = basis.T.dot(sigma).dot(basis)
-    across = complement.T.dot(sigma).dot(complement)
+    u = basis.shape[1]
+    turned = adjusted.complete.T.dot(sigma).dot(adjusted.complete)
+    along, across = turned[:u, :u], turned[u:, u:]
     _, moved, failed = lapack.dposv(along, basis.T)
     vtpv = 0.0
     if len(across) and not failed:
@@ -171,7 +172,7 @@ def exact_statistics(
         along=along,
         across=across,
         vtpv=vtpv,
-        effects=np.sqrt(np.add.reduce(basis.T * moved)),
+        effects=np.sqrt(basis.dot(moved).diagonal()),
         rows=rows,
     )
 
@@ -446,8 +447,8 @@ class _RowDerivatives(MadeAgain):
     def _by_ties(self) -> Array:
         """(m, 3m) B_t of the x rows."""
         m = len(self._by_tie)
-        out = np.zeros((m, m, 3))
-        np.einsum("iia->ia", out)[...] = self._by_tie
+        out = np.zeros((m * m, 3))
+        out[:: m + 1] = self._by_tie  # each on the diagonal
         return out.reshape(m, 3 * m)
 
     def covariance(self) -> Array:

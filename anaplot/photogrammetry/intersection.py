@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+
 from anaplot.aliases import Array, Bools
 
 __all__ = ["Intersection", "intersect"]
@@ -27,7 +29,7 @@ class Intersection(NamedTuple):
     @property
     def in_front(self) -> Bools:
         """(..., n) whether a point lies in front of both photos."""
-        return (self.left > 0.0) & (self.right > 0.0)
+        return np.minimum(self.left, self.right) > 0.0
 
 
 def intersect(
