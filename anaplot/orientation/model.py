@@ -221,7 +221,7 @@ def _check_count(pair: Stereopair) -> None:
             f"model {pair.name}: none of its {n} points is a point of the preceding model; "
             "without ties there is no scale"
         )
-    x_rows = sum((point, "x") not in pair.off for point in ties)
+    x_rows = len(ties) if not pair.off else sum((point, "x") not in pair.off for point in ties)
     if not x_rows:
         raise TooFewError(f"model {pair.name}: every tie is switched off, there is no scale")
     if y_rows + x_rows < 6:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from itertools import combinations, product
 from math import acos, atan2, cos, hypot, inf, log1p, sin
 
@@ -105,9 +104,8 @@ def iterate(
     state = start
     rows = conditions.evaluate(state, ties=with_scale)
     normal = rows.dot(rows.T)
-    damping = 0.0
+    square, damping = normal.item(6, 6), 0.0
     for count in range(1, most + 1):
-        square = normal.item(6, 6)
         if not square < inf:
             return None
         solved = _solved(normal[used, used], normal[used, 6], damping)
@@ -124,10 +122,11 @@ def iterate(
             return ConvergedOrientation(trial, rows, square, count)
         trial_rows = conditions.evaluate(trial, ties=with_scale)
         trial_normal = trial_rows.dot(trial_rows.T)
+        trial_square = trial_normal.item(6, 6)
         # weights and coefficients move with the unknowns, hence the room of a few steps
-        better = trial_normal.item(6, 6) <= square * (1.0 + 4.0 * longest) + 1e-24
+        better = trial_square <= square * (1.0 + 4.0 * longest) + 1e-24
         if better:
-            state, rows, normal = trial, trial_rows, trial_normal
+            state, rows, normal, square = trial, trial_rows, trial_normal, trial_square
         if longest < CONVERGED:
             damping = 0.0  # a damped correction is short without being the last
         elif better:
@@ -170,7 +169,8 @@ def _corrected(
 
 def _kappa_rotation(kappa: float, fixed: Array) -> Array:
     s, c = sin(kappa), cos(kappa)
-    out: Array = fixed.dot(np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]))
+    turned = np.array((c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0)).reshape(3, 3)
+    out: Array = fixed.dot(turned)
     return out
 
 
@@ -197,19 +197,22 @@ class FoundOrientation:
         In the frame of the strip, unless `across`.
     meet
         Where the points' rays meet, as seen from the left projection centre.
+    front
+        Which points lie in front of both photos.
     across
         Whether the base lies across x: the images are turned.
     """
 
     solution: ConvergedOrientation
     meet: Intersection
+    front: list[bool]
     across: bool = False
 
-    @cached_property
-    def front(self) -> list[bool]:
-        """Which points lie in front of both photos."""
-        front: list[bool] = self.meet.in_front.tolist()
-        return front
+    @classmethod
+    def of(cls, conditions: ConditionEquations, solution: ConvergedOrientation) -> FoundOrientation:
+        """Return what was found, with the points that it gives."""
+        meet = conditions.meet(solution.state)
+        return cls(solution, meet, meet.in_front.tolist())
 
     @property
     def in_front(self) -> float:
@@ -505,12 +508,12 @@ def _finished(
         solution = iterate(conditions, start, most=most)
         if solution is None:
             return None
-        found = FoundOrientation(solution, conditions.meet(solution.state))
+        found = FoundOrientation.of(conditions, solution)
         share = found.in_front
         if share < IN_FRONT:
             # a base of the wrong sign fits as well: the points tell which it is
             mirrored = solution.state._replace(bx=-solution.state.bx)
-            other = FoundOrientation(replace(solution, state=mirrored), conditions.meet(mirrored))
+            other = FoundOrientation.of(conditions, replace(solution, state=mirrored))
             if other.in_front > share:
                 return other
         return found
@@ -521,10 +524,10 @@ def _finished(
     size = conditions.bx_of_ties(start.beta_z, start.rotation)
     if size is None or size == 0.0:
         return None
-    solution = iterate(conditions, start._replace(bx=size), most=most)
+    solution = iterate(conditions, ModelUnknowns(size, *start[1:]), most=most)
     if solution is None:
         return None
-    return FoundOrientation(solution, conditions.meet(solution.state))
+    return FoundOrientation.of(conditions, solution)
 
 
 def _turned(pair: Stereopair) -> Stereopair:

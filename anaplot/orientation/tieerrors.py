@@ -153,9 +153,9 @@ def exact_statistics(
     variance of this component given all others.
     """
     rows = _RowDerivatives(pair, conditions, state)
-    sigma, basis, complement = rows.covariance(), adjusted.basis, adjusted.complement
-    u = basis.shape[1]
-    turned = adjusted.complete.T.dot(sigma).dot(adjusted.complete)
+    sigma, complete, u = rows.covariance(), adjusted.complete, len(adjusted.unknowns)
+    basis, complement = complete[:, :u], complete[:, u:]
+    turned = complete.T.dot(sigma).dot(complete)
     along, across = turned[:u, :u], turned[u:, u:]
     _, moved, failed = lapack.dposv(along, basis.T)
     vtpv = 0.0
@@ -422,7 +422,7 @@ class _RowDerivatives(MadeAgain):
         known = pair.tie_errors
         if known is None:
             raise ValueError(f"model {pair.name}: its ties come without their covariance")
-        at = {name: k for k, name in enumerate(known.points)}
+        at = dict(zip(known.points, range(len(known.points)), strict=True))
         ties = [at[pair.points[k]] for k in self.conditions.x_index]
         by_points = known.covariance.reshape(len(at), 3, len(at), 3)
         of_ties = by_points.take(ties, axis=0).take(ties, axis=2)
@@ -551,7 +551,7 @@ def _misclosure_derivatives(
     by_first = between.dot(conditions.right)
     by_image = np.zeros((4, conditions.row_count))
     by_image[:2, :n] = fixed[:, :2].T.dot(by_first[:3, :n] * conditions.plane)
-    by_image[2:] = between[:, :2].T.dot(conditions.left)
+    between[:, :2].T.dot(conditions.left, out=by_image[2:])
     of_ties = by_image[2:, n:]
     of_ties /= depths
     by_tie = fixed[::2].T.dot(by_first[3:5, n:] / depths)
