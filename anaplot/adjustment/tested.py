@@ -483,7 +483,7 @@ def examine(
     """
     applied = AppliedTest.of(test, redundancy)
     sigma0 = sqrt(vtpv / redundancy) if redundancy > 0 else None
-    factor, delta0 = applied.factor(sigma0), applied.delta0
+    factor = applied.factor(sigma0)
     testable = r >= TESTABLE
     if firm is not None:
         testable |= firm & (r > 0.0)
@@ -501,9 +501,9 @@ def examine(
     expected = np.full(len(r), np.nan) if factor is None else factor * deviation
     # a residual that is exactly zero with sigma estimated as zero: nothing deviates from anything
     w = residual / known(expected) if factor else np.full(len(r), np.nan)
-    mdb = delta0 * sigma / shown
-    moved = np.sqrt(np.maximum(1.0 - r, 0.0)) if moved is None else moved
-    effect = delta0 * moved / shown
+    detectable = applied.delta0 / shown
+    mdb = detectable * sigma
+    effect = detectable * (np.sqrt(np.maximum(1.0 - r, 0.0)) if moved is None else moved)
     flagged = np.abs(w) > (np.inf if applied.critical is None else applied.critical)
     if rounding and np.logical_or.reduce(flagged):
         flagged &= np.abs(residual) > rounding
