@@ -18,6 +18,8 @@ from anaplot.aliases import Array, Index
 from anaplot.bundle.solve.linearised import Linearised
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.reliability import Cofactors
+from anaplot.photogrammetry.imagepoints import columns_of
+from anaplot.photogrammetry.pointcolumns import Coded
 
 __all__ = [
     "GROUND_KINDS",
@@ -160,8 +162,9 @@ class Observations:
         first, second, third, fourth = self.starts
         if row < first:
             ray, axis = divmod(row, 2)
-            measured = problem.block.image_points[int(problem.source[ray])]
-            return ("image", measured.photo, measured.point, measured.model, "xy"[axis])
+            photo = problem.photos[int(problem.photo[ray])]
+            return ("image", photo, problem.points[int(problem.point[ray])], self._model(ray),
+                    "xy"[axis])  # fmt: skip
         if row < second:
             kind, point, axis = self.ground[row - first].tolist()
             return (GROUND_KINDS[kind], problem.points[point], "XYZ"[axis])
@@ -190,18 +193,38 @@ class Observations:
         """
         if name[0] != "image":
             return self._others[name]
-        problem, (_, photo, point, model, axis) = self.problem, name
-        at = self._points[str(point)]
-        first, end = np.searchsorted(problem.point, (at, at + 1)).tolist()
-        for ray in range(first, end):
-            measured = problem.block.image_points[int(problem.source[ray])]
-            if (measured.photo, measured.model) == (photo, model):
+        _, photo, point, model, axis = name
+        at, photo_at = self._points[str(point)], self._photos[str(photo)]
+        first, end = self._starts_of_points[at], self._starts_of_points[at + 1]
+        for ray, other in enumerate(self.problem.photo[first:end].tolist(), first):
+            if other == photo_at and self._model(ray) == model:
                 return 2 * ray + "xy".index(str(axis))
         raise KeyError(name)
+
+    def _model(self, ray: int) -> str | None:
+        """Return the model that a ray was measured in; no row is made for it."""
+        return self._models.at(int(self.problem.source[ray]))
+
+    @cached_property
+    def _models(self) -> Coded[str | None]:
+        return columns_of(self.problem.block.image_points).model
+
+    @cached_property
+    def _photos(self) -> dict[str, int]:
+        return {photo: k for k, photo in enumerate(self.problem.photos)}
 
     @cached_property
     def _points(self) -> dict[str, int]:
         return {point: k for k, point in enumerate(self.problem.points)}
+
+    @cached_property
+    def _starts_of_points(self) -> list[int]:
+        """First rays of the points, and the end of the last one's."""
+        problem = self.problem
+        found: list[int] = np.searchsorted(
+            problem.point, np.arange(len(problem.points) + 1)
+        ).tolist()
+        return found
 
     @cached_property
     def _others(self) -> dict[ObservationName, int]:
