@@ -17,6 +17,7 @@ from anaplot.bundle.solve.linearised import BesideRays, beside_rays
 from anaplot.bundle.solve.offsetequations import best_offsets
 from anaplot.bundle.solve.problem import Problem, listed
 from anaplot.bundle.solve.reliability import DatumChange
+from anaplot.bundle.solve.sorting import distinct
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.rotation import rotation_matrix
 from anaplot.photogrammetry.similarity import (
@@ -125,7 +126,7 @@ def check_datum(problem: Problem, state: BlockState) -> None:
                 )
             return
         # coordinates of fixed points belong to every part that sees them
-        seen = np.unique(problem.point[labels[problem.photo] == part])
+        seen = distinct(problem.point[labels[problem.photo] == part])
         known = _held(problem, state, beside, mine, seen)
         weak = known.singular < _RANK * max(1.0, float(known.singular[0]))
         if weak.any():

@@ -28,6 +28,7 @@ from anaplot.bundle.solve.measuredrays import check_rows, measured_xy, stated_le
 from anaplot.bundle.solve.pointgroups import Group, groups_by_rays
 from anaplot.bundle.solve.priorbending import check_linear
 from anaplot.bundle.solve.selection import LeftOut, select_rays
+from anaplot.bundle.solve.sorting import order_of
 from anaplot.errors import InputError, NotComputableError
 from anaplot.photogrammetry.block import Block, ControlPoint, TestSettings
 from anaplot.photogrammetry.imagepoint import use_counts
@@ -449,13 +450,12 @@ def make_problem(
             + "; ".join(f"{o.kind} {o.name} {o.reason}" for o in left_out[:4])
         )
     count = np.bincount(point[ray], minlength=len(names))
-    order = np.lexsort((np.arange(len(ray)), point[ray], count[point[ray]]))
-    ray = ray[order]
-    used_points, first = np.unique(point[ray], return_index=True)
-    used_points = used_points[np.argsort(first)]
-    used_photos = np.unique(photo[ray])
+    used_points = np.flatnonzero(count)
+    used_points = used_points[np.argsort(count[used_points], kind="stable")]
+    used_photos = np.flatnonzero(np.bincount(photo[ray]))
     new_point, new_photo = np.full(len(names), -1), np.full(len(block.photos), -1)
     new_point[used_points] = np.arange(len(used_points))
+    ray = ray[order_of(new_point[point[ray]], len(used_points))]
     new_photo[used_photos] = np.arange(len(used_photos))
     camera_index = {c.id: k for k, c in enumerate(block.cameras)}
     cameras = np.array([camera_index[block.photos[k].camera] for k in used_photos], dtype=np.intp)
@@ -463,7 +463,7 @@ def make_problem(
     aside = np.flatnonzero(~counted.any(axis=1) & (new_photo[photo] >= 0) & (new_point[point] >= 0))
     count_of_rays = len(ray)
     ray = np.concatenate((ray, aside))
-    ideal, compact_photo = every_xy[ray], new_photo[photo[ray]]
+    ideal, compact_photo = every_xy.take(ray, axis=0), new_photo[photo[ray]]
     c = np.array([block.cameras[k].c for k in cameras])
     lenses = stated_lenses(block, cameras)
     xy = ideal if lenses is None else measured_xy(block, cameras[compact_photo], ideal)

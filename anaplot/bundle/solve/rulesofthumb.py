@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from anaplot.bundle.solve.adjusted import AdjustedBlock
+from anaplot.bundle.solve.sorting import each_pair
 
 __all__ = ["LEAST_PHOTOS", "LEAST_RI", "RulesOfThumb", "rules_of_thumb"]
 
@@ -52,8 +53,8 @@ def rules_of_thumb(block: AdjustedBlock) -> RulesOfThumb:
     """
     problem, indicators = block.problem, block.indicators()
     counts = ~block.rejected.all(axis=1)
-    pairs = np.unique(np.stack((problem.point[counts], problem.photo[counts])), axis=1)
-    photos = np.bincount(pairs[0], minlength=len(problem.points))
+    points, _ = each_pair(problem.point[counts], problem.photo[counts])
+    photos = np.bincount(points, minlength=len(problem.points))
     rows = problem.control_rows
     control = {name for name, row in rows.items() if row.use == "control"}
     new = np.array([point not in control for point in problem.points], dtype=bool)

@@ -8,6 +8,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from anaplot.aliases import Bools, Index
+from anaplot.bundle.solve.sorting import distinct
 from anaplot.photogrammetry.block import Block
 
 __all__ = [
@@ -126,7 +127,10 @@ def counted_in_photos(
         Photos, points, whether x and y count in any ray of the pair, and the pair of each ray.
     """
     points = int(point.max(initial=0)) + 1
-    pair, pair_of = np.unique(photo * points + point, return_inverse=True)
+    number = photo * points + point
+    if len(distinct(number)) == len(number):  # as nearly always
+        return photo, point, counted, np.arange(len(number))
+    pair, pair_of = np.unique(number, return_inverse=True)
     axes = np.zeros((len(pair), 2), dtype=bool)
     np.logical_or.at(axes, pair_of, counted)
     return pair // points, pair % points, axes, pair_of

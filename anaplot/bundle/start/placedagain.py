@@ -16,6 +16,7 @@ from anaplot.aliases import Array, Bools, Index
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.linearised import counted_misclosures
 from anaplot.bundle.solve.problem import Problem
+from anaplot.bundle.solve.sorting import each_pair
 from anaplot.bundle.start.pointknowledge import equations_knowing
 from anaplot.bundle.start.resection import image_misses, three_point_resection
 from anaplot.bundle.start.subblock import SubBlock, intersect_rays, rays_of_photos, unit_rays
@@ -89,11 +90,11 @@ def hardly_checked(problem: Problem, fits: Bools, state: BlockState) -> Bools:
         Photos of which something else than rays knows the place are not among them.
     """
     n, p = len(problem.photos), len(problem.points)
-    pairs = np.unique(np.stack((problem.point[fits], problem.photo[fits])), axis=1)
-    others = np.bincount(pairs[0], minlength=p) - 1
+    points, photos = each_pair(problem.point[fits], problem.photo[fits])
+    others = np.bincount(points, minlength=p) - 1
     # a point has three coordinates: what more is known than these is said of the photo
-    said = np.clip(2 * others + equations_knowing(problem, state) - 1, 0, 2)[pairs[0]]
-    few: Bools = np.bincount(pairs[1], said, n) < _UNKNOWNS + _A_RAY
+    said = np.clip(2 * others + equations_knowing(problem, state) - 1, 0, 2)[points]
+    few: Bools = np.bincount(photos, said, n) < _UNKNOWNS + _A_RAY
     few &= ~np.isfinite(problem.position_sigma).any(axis=1)
     if problem.given is not None:
         few[problem.given.owner[~problem.given.of_point]] = False
