@@ -15,6 +15,7 @@ import numpy as np
 from anaplot.aliases import Array, Index
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.runs import runs
+from anaplot.bundle.solve.sorting import distinct
 
 __all__ = ["Cluster", "PointSet", "point_sets"]
 
@@ -140,14 +141,20 @@ def point_sets(problem: Problem, places: Array) -> list[PointSet]:
     sums = [np.bincount(problem.point, places[problem.photo, k], len(count)) for k in range(3)]
     middle = np.column_stack(sums) / np.maximum(count, 1)[:, None]
 
+    again = _again(problem.photo * len(count) + problem.point)
+    most = int(again.max(initial=0)) + 1
+    seer = problem.photo * most + again
+
+    def seers(points: Index) -> Index:
+        return np.flatnonzero(np.bincount(seer[runs(first[points], count[points])]))
+
     def of(points: Index) -> PointSet:
         each = count[points]
-        rays = runs(first[points], each)
+        rays, mine = runs(first[points], each), seers(points)
+        place = np.empty(most * len(places), dtype=np.intp)
+        place[mine] = np.arange(len(mine))
         at = np.repeat(np.arange(len(points)), each)
-        again = _again(problem.photo[rays] * len(points) + at)
-        most = int(again.max(initial=0)) + 1
-        photos, photo = np.unique(problem.photo[rays] * most + again, return_inverse=True)
-        return PointSet(rays, photos // most, photo, at, len(points))
+        return PointSet(rays, mine // most, place[seer[rays]], at, len(points))
 
     def halves(points: Index) -> tuple[Index, Index]:
         at = middle[points]
@@ -156,33 +163,35 @@ def point_sets(problem: Problem, places: Array) -> list[PointSet]:
         half = len(points) // 2
         return order[:half], order[half:]
 
-    def cost(one: PointSet) -> float:
-        size = float(problem.per_photo * len(one.photos))
-        return _OWN_COST + size**2 * (3.0 * one.points + _PLACING)
+    def cost(points: Index) -> float:
+        size = float(problem.per_photo * len(seers(points)))
+        return _OWN_COST + size**2 * (3.0 * len(points) + _PLACING)
 
     waiting = [np.arange(len(count))] if len(count) else []
     found: list[PointSet] = []
-    laid: list[tuple[Index, PointSet]] = []
+    laid: list[tuple[Index, float]] = []
     while waiting:
         points = waiting.pop()
         if len(points) > _MOST_POINTS:
             waiting += halves(points)[::-1]
             continue
-        laid.append((points, of(points)))
+        laid.append((points, cost(points)))
         while laid:
             points, whole = laid.pop()
-            if len(points) > 1 and cost(whole) > 2.0 * _OWN_COST:
-                parts = [(part, of(part)) for part in halves(points)]
-                if sum(cost(part) for _, part in parts) < cost(whole):
+            if len(points) > 1 and whole > 2.0 * _OWN_COST:
+                parts = [(part, cost(part)) for part in halves(points)]
+                if sum(each for _, each in parts) < whole:
                     laid += parts[::-1]
                     continue
-            found.append(whole)
+            found.append(of(points))
     return found
 
 
 def _again(numbers: Index) -> Index:
     """Return how many times each number has stood before."""
     out = np.zeros(len(numbers), dtype=np.intp)
+    if len(distinct(numbers)) == len(numbers):
+        return out
     order = np.argsort(numbers, kind="stable")
     same = np.flatnonzero(np.diff(numbers[order]) == 0) + 1
     for k in same.tolist():  # hardly ever any

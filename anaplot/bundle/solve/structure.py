@@ -13,6 +13,7 @@ from anaplot.bundle.solve.factor import SparsityPattern, sparsity_pattern
 from anaplot.bundle.solve.pointclusters import Cluster, point_sets
 from anaplot.bundle.solve.pointgroups import Group
 from anaplot.bundle.solve.problem import Problem
+from anaplot.bundle.solve.sorting import distinct
 
 __all__ = ["Piece", "Structure", "make_structure"]
 
@@ -101,7 +102,7 @@ def make_structure(problem: Problem, places: Array) -> Structure:
         i, j = of.together()
         pairs.append((i, j, of.photos[i] * n + of.photos[j]))
     alone = np.arange(n) * (n + 1)
-    both = np.unique(np.concatenate([alone, *(numbers for _, _, numbers in pairs)]))
+    both = distinct(np.concatenate([alone, *(numbers for _, _, numbers in pairs)]))
     indptr = np.searchsorted(both, np.arange(n + 1) * n)
     order = dissect(places, indptr.astype(np.intp), both % n)
     position = order.position
@@ -111,9 +112,9 @@ def make_structure(problem: Problem, places: Array) -> Structure:
     for of, (i, j, numbers) in zip(sets, pairs, strict=True):
         ids = _ids(stored, numbers)
         mine = ids >= 0
-        own = diagonal[of.photos]
-        twice = len(np.unique(own)) < len(own)
-        clusters.append(Cluster(of, i[mine], j[mine], ids[mine], own, twice))
+        # a photo that stands there again is beside itself
+        twice = bool((np.diff(of.photos) == 0).any())
+        clusters.append(Cluster(of, i[mine], j[mine], ids[mine], diagonal[of.photos], twice))
     pieces = []
     for group in problem.groups:
         step = max(1, _CHUNK // (8 * (group.rays * problem.per_photo) ** 2))
