@@ -86,10 +86,10 @@ def project(
     n = len(points) if rays is None else len(rays[0])
     xy, depth = np.empty((n, 2)), np.empty(n)
     for k, away, axes, scale in _portions(centres, rotations, c, points, rays):
-        u = np.einsum("ik,ijk->jk", away, axes)
+        u = _in_photo(axes, away)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             xy[k] = (-scale / u[2] * u[:2]).T
-        depth[k] = -u[2]
+        np.negative(u[2], out=depth[k])
     return Projection(xy, depth)
 
 
@@ -99,6 +99,7 @@ def project_with_derivatives(
     c: Array,
     points: Array,
     rays: tuple[Index, Index] | None = None,
+    weight: Array | None = None,
 ) -> Projections:
     """Project points, one into each photo, and differentiate.
 
@@ -106,6 +107,8 @@ def project_with_derivatives(
     ----------
     centres, rotations, c, points, rays
         As in `project`.
+    weight
+        (n, 2) what the derivatives of x and y are multiplied by; None: by nothing.
 
     Notes
     -----
@@ -116,21 +119,38 @@ def project_with_derivatives(
     xy, depth = np.empty((n, 2)), np.empty(n)
     photo, j = np.empty((n, 2, 6)), np.empty((n, 2, 3))
     for k, away, axes, scale in _portions(centres, rotations, c, points, rays):
-        u = np.einsum("ik,ijk->jk", away, axes)
+        u = _in_photo(axes, away)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             factor = -scale / u[2]
             at = factor * u[:2]
             slope = -at / u[2]
-        xy[k], depth[k] = at.T, -u[2]
-        for row in range(2):
-            jr = factor * axes[:, row] + slope[row] * axes[:, 2]
-            j[k, row] = jr.T
-            photo[k, row, :3] = -jr.T
+        xy[k] = at.T
+        np.negative(u[2], out=depth[k])
+        by_point, by_photo = np.empty((2, 3, len(factor))), np.empty((2, 6, len(factor)))
+        for row, (jr, each) in enumerate(zip(by_point, by_photo, strict=True)):
+            across, along = factor, slope[row]
+            if weight is not None:
+                across, along = across * weight[k, row], along * weight[k, row]
+            for axis in range(3):
+                np.multiply(across, axes[axis, row], out=jr[axis])
+                jr[axis] += along * axes[axis, 2]
+            np.negative(jr, out=each[:3])
             # d(x, y)/dX projects along the ray, so J (X - X0) = 0: J x D needs no other term
-            photo[k, row, 3] = jr[1] * away[2] - jr[2] * away[1]
-            photo[k, row, 4] = jr[2] * away[0] - jr[0] * away[2]
-            photo[k, row, 5] = jr[0] * away[1] - jr[1] * away[0]
+            for out, (p, q) in zip(each[3:], ((1, 2), (2, 0), (0, 1)), strict=True):
+                np.multiply(jr[p], away[q], out=out)
+                out -= jr[q] * away[p]
+        j[k], photo[k] = by_point.transpose(2, 0, 1), by_photo.transpose(2, 0, 1)
     return Projections(xy, depth, photo, j)
+
+
+def _in_photo(axes: Array, away: Array) -> Array:
+    """(3, k) components of X - X0 along the axes of the photos."""
+    out = np.empty_like(away)
+    for own, (x, y, z) in zip(out, axes.transpose(1, 0, 2), strict=True):
+        np.multiply(x, away[0], out=own)
+        own += y * away[1]
+        own += z * away[2]
+    return out
 
 
 def _portions(
@@ -140,15 +160,22 @@ def _portions(
 
     What a photo has is repeated for its rays here alone, a portion at a time.
     """
-    n = len(points) if rays is None else len(rays[0])
     turned = rotations.transpose(1, 2, 0)
-    if rays is not None:
-        turned = np.ascontiguousarray(turned)
-    for first in range(0, n, _AT_ONCE):
-        k = slice(first, first + _AT_ONCE)
-        photo, point = (k, k) if rays is None else (rays[0][k], rays[1][k])
-        away = np.ascontiguousarray((points[point] - centres[photo]).T)
-        yield k, away, np.ascontiguousarray(turned[:, :, photo]), c[photo]
+    if rays is None:
+        for k in _slices(len(points)):
+            away = np.ascontiguousarray((points[k] - centres[k]).T)
+            yield k, away, np.ascontiguousarray(turned[:, :, k]), c[k]
+        return
+    rows, at, of = (np.ascontiguousarray(each) for each in (turned, centres.T, points.T))
+    for k in _slices(len(rays[0])):
+        photo, point = rays[0][k], rays[1][k]
+        away = of.take(point, axis=1)
+        away -= at.take(photo, axis=1)
+        yield k, away, rows.take(photo, axis=2), c.take(photo)
+
+
+def _slices(count: int) -> Iterator[slice]:
+    return (slice(first, first + _AT_ONCE) for first in range(0, count, _AT_ONCE))
 
 
 def turns(vectors: Array) -> Array:

@@ -211,7 +211,10 @@ def _within_fold(direction: Array, lens: Array, xy: Array) -> Array:
 
 
 def imaged_with_derivatives(
-    problem: Problem, state: BlockState, rays: Index | slice = slice(None)
+    problem: Problem,
+    state: BlockState,
+    rays: Index | slice = slice(None),
+    weight: Array | None = None,
 ) -> Imaged:
     """Return where points are seen, and derivatives by everything that is unknown.
 
@@ -221,22 +224,30 @@ def imaged_with_derivatives(
         The bundle and its unknowns.
     rays
         Which rays; all when left out.
+    weight
+        (n, 2) what the derivatives of x and y are multiplied by; None: by nothing.
     """
     units, mine = problem.lens_units, (problem.photo[rays], problem.point[rays])
     where = state.centres, state.rotations
     if not _through_lens(problem):
-        seen = project_with_derivatives(*where, problem.c, state.points, mine)
-        xy = _shifted(problem, state, seen.xy, rays)
-        return Imaged(xy, seen.depth, seen.photo, seen.point, problem.basis[rays])
+        seen = project_with_derivatives(*where, problem.c, state.points, mine, weight)
+        xy, basis = _shifted(problem, state, seen.xy, rays), problem.basis[rays]
+        return Imaged(xy, seen.depth, seen.photo, seen.point, _weighted(basis, weight))
     ones = np.ones(len(problem.photos))
     seen = project_with_derivatives(*where, ones, state.points, mine)
     with np.errstate(invalid="ignore", over="ignore"):
         lens = through_lens(seen.xy, _lens(problem, state, rays))
-        photos = np.matmul(lens.by_direction, seen.photo)
-        points = np.matmul(lens.by_direction, seen.point)
+        by_direction = _weighted(lens.by_direction, weight)
+        photos = np.matmul(by_direction, seen.photo)
+        points = np.matmul(by_direction, seen.point)
     if units is None:
         xy = _shifted(problem, state, lens.xy, rays)
-        return Imaged(xy, seen.depth, photos, points, problem.basis[rays])
+        return Imaged(xy, seen.depth, photos, points, _weighted(problem.basis[rays], weight))
     of_parameters = lens.by_parameter[:, :, _unknown(problem)]
     of_parameters = of_parameters * units[problem.additional_group[rays]][:, None, :]
-    return Imaged(lens.xy, seen.depth, photos, points, of_parameters)
+    return Imaged(lens.xy, seen.depth, photos, points, _weighted(of_parameters, weight))
+
+
+def _weighted(rows: Array, weight: Array | None) -> Array:
+    """(n, 2, k) derivatives of x and y, times their weights."""
+    return rows if weight is None else rows * weight[:, :, None]

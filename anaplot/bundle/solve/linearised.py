@@ -37,7 +37,7 @@ __all__ = [
 
 Unknowns = tuple[Array, Array, Array]  # of photos (n, d), of points (p, 3), shared (g,)
 
-_AT_ONCE = 16384  # rays that are looked at together: their arrays stay near the processor
+_AT_ONCE = 8192  # rays that are looked at together: their arrays stay near the processor
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -223,12 +223,13 @@ def point_rows(problem: Problem, state: BlockState) -> tuple[Array, Array]:
 
     As `linearise` has them, without all the rest.
     """
-    seen = imaged_with_derivatives(problem, state)
-    return _point_rows(problem, seen, 1.0 / problem.sigma_xy)
+    weight = 1.0 / problem.sigma_xy
+    return _point_rows(problem, imaged_with_derivatives(problem, state, weight=weight), weight)
 
 
 def _point_rows(problem: Problem, seen: Imaged, weight: Array) -> tuple[Array, Array]:
-    b = np.multiply(seen.point, weight[:, :, None], out=seen.point)
+    """Return `point_rows` of derivatives that are weighted already."""
+    b = seen.point
     if problem.fixed.any():
         b *= ~problem.fixed[problem.point][:, None, :]
     e = np.subtract(seen.xy, problem.xy, out=seen.xy)
@@ -241,20 +242,15 @@ def _point_rows(problem: Problem, seen: Imaged, weight: Array) -> tuple[Array, A
 
 def linearise(problem: Problem, state: BlockState) -> Linearised:
     """Return derivatives and misclosures at a state."""
-    seen = imaged_with_derivatives(problem, state)
     weight = 1.0 / problem.sigma_xy
+    seen = imaged_with_derivatives(problem, state, weight=weight)
     n, m = len(problem.photos), len(problem.photo)
-    d = problem.per_photo
-    white = seen.parameter * weight[:, :, None]
+    white = seen.parameter
     if problem.additional_still is not None:
         white *= ~problem.additional_still[problem.additional_group][:, None, :]
+    a, h = seen.photo, white
     if problem.photo_invariant:
-        a = np.empty((m, 2, d))
-        np.multiply(seen.photo, weight[:, :, None], out=a[:, :, :6])
-        a[:, :, 6:] = white
-        h = np.empty((m, 2, 0))
-    else:
-        a, h = np.multiply(seen.photo, weight[:, :, None], out=seen.photo), white
+        a, h = np.concatenate((a, white), axis=2), np.empty((m, 2, 0))
     b, e = _point_rows(problem, seen, weight)
     if problem.rejected is not None:
         for part in (a, h):
@@ -343,16 +339,22 @@ def effects(problem: Problem, linear: Linearised, unknowns: Unknowns) -> list[Li
 def _of_rays(problem: Problem, linear: Linearised, unknowns: Unknowns) -> Array:
     """(k, m, 2) what k changes of the unknowns do to the rays."""
     photos, points, shared = unknowns
-    m, q = len(problem.photo), linear.h.shape[2]
-    out = np.empty((photos.shape[2], m, 2))
+    m, k = len(problem.photo), photos.shape[2]
+    parts = [(linear.a, photos, problem.photo), (linear.b, points, problem.point)]
+    if len(shared):
+        of_groups = shared.reshape(-1, linear.h.shape[2], k)
+        parts.append((linear.h, of_groups, problem.additional_group))
+    # a row for every unknown, so that one operation takes that of all rays
+    laid = [np.ascontiguousarray(values.transpose(2, 1, 0)) for _, values, _ in parts]
+    out = np.zeros((k, m, 2))
     for start in range(0, m, _AT_ONCE):
         rays = slice(start, start + _AT_ONCE)
-        e = np.matmul(linear.a[rays], photos[problem.photo[rays]])
-        e += np.matmul(linear.b[rays], points[problem.point[rays]])
-        if len(shared):
-            of_group = shared.reshape(-1, q, shared.shape[1])
-            e += np.matmul(linear.h[rays], of_group[problem.additional_group[rays]])
-        out[:, rays] = np.moveaxis(e, 2, 0)
+        for (rows, _, owner), values in zip(parts, laid, strict=True):
+            each, of = np.ascontiguousarray(rows[rays].transpose(1, 2, 0)), owner[rays]
+            for e, own in zip(out, values, strict=True):
+                mine = own.take(of, axis=1)
+                for axis in range(2):
+                    e[rays, axis] += np.einsum("jm,jm->m", each[axis], mine)
     return out
 
 
