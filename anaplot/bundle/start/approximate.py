@@ -97,9 +97,9 @@ def approximate_ways(problem: Problem) -> list[Way]:
 
     def stated(progress: Progress | None) -> BlockState | None:
         given = _given(problem, rays, _STATED)
-        if given is None or not given.oriented.all():
+        if given is None or not given[0].oriented.all():
             return None
-        return state_of(problem, _completed(problem, given, rays))
+        return state_of(problem, _completed(problem, given[0], rays, given[1]))
 
     def parts(progress: Progress | None) -> list[SubBlock]:
         if problem.block.strips and not chains:
@@ -216,9 +216,8 @@ def _joined(
     With `others`, pairs in any attitude orient what does not hang together with that: `seeded`
     returns what grows from one of some photos.
     """
-    ground = _given(problem, rays)
-    if ground is None:
-        ground = SubBlock.empty(problem)
+    given = _given(problem, rays)
+    ground = SubBlock.empty(problem) if given is None else given[0]
     for subblock in free:
         if ground.oriented.any() and ground.join(subblock):
             continue
@@ -386,18 +385,23 @@ def state_of(problem: Problem, subblock: SubBlock) -> BlockState:
     )
 
 
-def _given(problem: Problem, rays: Array, reach: float = _BELIEVED) -> SubBlock | None:
-    """Photos whose orientation the block states, when their rays meet within a share of c."""
+def _given(
+    problem: Problem, rays: Array, reach: float = _BELIEVED
+) -> tuple[SubBlock, Array] | None:
+    """Photos whose orientation the block states, when their rays meet within a share of c.
+
+    And (points, 3) where they meet.
+    """
     stated = np.isfinite(problem.position[:, 0]) & np.isfinite(problem.rotation[:, 0])
     if not stated.any():
         return None
     subblock = SubBlock.empty(problem)
     subblock.centres[stated] = problem.stated_centres[stated]
     subblock.rotations[stated] = problem.stated_rotations[stated]
-    known = np.isfinite(problem.near).all(axis=1)
-    subblock.points[known] = problem.near[known]
-    subblock.place(problem, rays)
-    return None if _misses(problem, subblock) > reach else subblock
+    met = intersect_rays(problem, subblock, rays)
+    known = np.isfinite(problem.near).all(axis=1, keepdims=True)
+    subblock.points = np.where(known, problem.near, met)
+    return None if _misses(problem, subblock) > reach else (subblock, met)
 
 
 def _from_control(problem: Problem, by_photo: list[Index]) -> SubBlock:
@@ -496,19 +500,22 @@ def _merge(ground: SubBlock, part: SubBlock) -> None:
     ground.points[points] = part.points[points]
 
 
-def _completed(problem: Problem, subblock: SubBlock, rays: Array) -> SubBlock:
-    """Give every point coordinates: intersected, known, or on its ray."""
-    found = intersect_rays(problem, subblock, rays)
+def _completed(
+    problem: Problem, subblock: SubBlock, rays: Array, met: Array | None = None
+) -> SubBlock:
+    """Give every point coordinates: intersected, known, or on its ray.
+
+    `met`: (points, 3) where the rays meet, if that is known already.
+    """
+    found = intersect_rays(problem, subblock, rays) if met is None else met
     good = np.isfinite(found[:, 0])
     subblock.points[good] = found[good]
     known = np.isfinite(problem.near)
     missing = ~subblock.placed
-    depths = np.linalg.norm(
-        subblock.points[problem.point] - subblock.centres[problem.photo], axis=1
-    )
-    typical = float(np.nanmedian(depths)) if np.isfinite(depths).any() else 1.0
     behind = _behind(problem, subblock)
-    for k in np.nonzero(missing | behind)[0].tolist():
+    lost = np.nonzero(missing | behind)[0].tolist()
+    typical = _typical_depth(problem, subblock) if lost else 1.0
+    for k in lost:
         ray = int(np.nonzero(problem.point == k)[0][0])
         photo = problem.photo[ray]
         direction = subblock.rotations[photo] @ rays[ray]
@@ -527,10 +534,19 @@ def _completed(problem: Problem, subblock: SubBlock, rays: Array) -> SubBlock:
     return subblock
 
 
+def _typical_depth(problem: Problem, subblock: SubBlock) -> float:
+    """Return how far photos are from their points, in the median [m]."""
+    away = subblock.points[problem.point] - subblock.centres[problem.photo]
+    depths = np.linalg.norm(away, axis=1)
+    return float(np.nanmedian(depths)) if np.isfinite(depths).any() else 1.0
+
+
 def _behind(problem: Problem, subblock: SubBlock) -> Bools:
     """Points that lie behind most of their photos."""
-    away = subblock.points[problem.point] - subblock.centres[problem.photo]
-    depth = -np.einsum("ni,ni->n", subblock.rotations[problem.photo][:, :, 2], away)
+    axes = np.ascontiguousarray(subblock.rotations[:, :, 2])
+    away = subblock.points.take(problem.point, axis=0)
+    away -= subblock.centres.take(problem.photo, axis=0)
+    depth = -np.einsum("ni,ni->n", axes.take(problem.photo, axis=0), away)
     count = np.bincount(problem.point, minlength=len(problem.points))
     with np.errstate(invalid="ignore"):
         wrong = np.bincount(problem.point, depth <= 0.0, minlength=len(problem.points))

@@ -44,8 +44,9 @@ def turned(problem: Problem, one: BlockState, other: BlockState) -> float:
     What moves or scales a block as a whole turns nothing.
     """
     cosine = turn_cosines(one.rotations, other.rotations)
-    first, second = (_directions(problem, state) for state in (one, other))
-    cosine = np.concatenate((cosine, np.einsum("ni,ni->n", first, second)))
+    first, second = (_to_points(problem, state) for state in (one, other))
+    size = np.sqrt(np.einsum("ni,ni->n", first, first) * np.einsum("ni,ni->n", second, second))
+    cosine = np.append(cosine, np.einsum("ni,ni->n", first, second) / size)
     if not bool(np.isfinite(cosine).all()):
         return float("inf")
     return float(np.arccos(np.clip(cosine, -1.0, 1.0)).max())
@@ -58,10 +59,11 @@ def turn_cosines(one: Array, other: Array) -> Array:
     return cosine
 
 
-def _directions(problem: Problem, state: BlockState) -> Array:
-    """(m, 3) unit vectors from the photos to their points."""
-    away = state.points[problem.point] - state.centres[problem.photo]
-    return np.asarray(away / np.linalg.norm(away, axis=1)[:, None])
+def _to_points(problem: Problem, state: BlockState) -> Array:
+    """(m, 3) vectors from the photos to their points."""
+    away = state.points.take(problem.point, axis=0)
+    away -= state.centres.take(problem.photo, axis=0)
+    return away
 
 
 def full_step(problem: Problem, structure: Structure, state: BlockState) -> BlockState | None:

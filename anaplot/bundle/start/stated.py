@@ -9,6 +9,7 @@ import numpy as np
 from anaplot.aliases import Array, Bools
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.problem import Problem
+from anaplot.bundle.solve.sorting import order_of
 from anaplot.bundle.start.pull import MOST_TURNED, turn_cosines, turned
 from anaplot.bundle.start.subblock import SubBlock
 from anaplot.photogrammetry.similarity import Similarity, robust_similarity
@@ -130,8 +131,17 @@ def _off_stated(problem: Problem, found: SubBlock) -> _OffStated:
     rotation = np.arccos(
         np.clip(turn_cosines(problem.stated_rotations, found.rotations), -1.0, 1.0)
     )
-    away = np.linalg.norm(found.points[problem.point] - found.centres[problem.photo], axis=1)
-    order = np.lexsort((away, problem.photo))
-    ends = np.searchsorted(problem.photo[order], np.arange(len(found.centres) + 1))
-    reach = away[order][(ends[:-1] + ends[1:] - 1) // 2]
+    away = found.points.take(problem.point, axis=0)
+    away -= found.centres.take(problem.photo, axis=0)
+    square = np.einsum("ij,ij->i", away, away)[order_of(problem.photo, len(position))]
+    ends = np.cumsum(np.bincount(problem.photo, minlength=len(position)))
+    reach = np.sqrt([_lower_median(of) for of in np.split(square, ends[:-1])])
     return _OffStated(position, rotation, reach)
+
+
+def _lower_median(values: Array) -> float:
+    """Return the middle one of some values, of two the lower; NaN without any."""
+    if not len(values):
+        return float("nan")
+    middle = (len(values) - 1) // 2
+    return float(np.partition(values, middle)[middle])

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from anaplot.aliases import Array, Bools, Index, Progress
 from anaplot.bundle.solve.problem import Problem
+from anaplot.bundle.solve.sorting import order_of
 from anaplot.bundle.start.resection import resect
 from anaplot.photogrammetry.collinearity import project, turns
 from anaplot.photogrammetry.similarity import Similarity, fit_similarity, line_of, robust_similarity
@@ -32,6 +34,7 @@ _ASTRAY = 20.0  # times as far from the middle as half of the places: no place o
 _ROUNDS = 6  # of weights when rays are intersected
 _PARALLEL = 1e-10  # smallest over largest eigenvalue below which rays count as parallel
 _NARROW = 1e-6  # the same, from which a solution by cofactors keeps its digits
+_AT_ONCE = 8192  # rays that are intersected together
 _UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))  # of a symmetric matrix
 
 
@@ -192,13 +195,10 @@ class SubBlock:
 
     def residuals(self, problem: Problem) -> Array:
         """(m,) distances of the rays from their points in the image [mm]; NaN when unknown."""
-        seen = project(
-            self.centres[problem.photo],
-            self.rotations[problem.photo],
-            problem.c[problem.photo],
-            self.points[problem.point],
-        )
-        size = np.linalg.norm(seen.xy - problem.ideal, axis=1)
+        rays = problem.photo, problem.point
+        seen = project(self.centres, self.rotations, problem.c, self.points, rays)
+        off = seen.xy - problem.ideal
+        size = np.sqrt(np.einsum("ij,ij->i", off, off))
         return np.where(seen.depth > 0.0, size, np.where(np.isfinite(size), np.inf, np.nan))
 
 
@@ -249,13 +249,13 @@ def _on_a_line(source: Array, target: Array) -> tuple[Similarity, Bools] | None:
 def unit_rays(problem: Problem) -> Array:
     """Return (m, 3) rays of unit length in image axes."""
     rays = np.column_stack((problem.ideal, -problem.c[problem.photo]))
-    out: Array = rays / np.linalg.norm(rays, axis=1)[:, None]
-    return out
+    rays /= np.sqrt(np.einsum("ij,ij->i", rays, rays))[:, None]
+    return rays
 
 
 def rays_of_photos(problem: Problem) -> list[Index]:
     """Return the numbers of the rays of each photo."""
-    order = np.argsort(problem.photo, kind="stable")
+    order = order_of(problem.photo, len(problem.photos))
     ends = np.searchsorted(problem.photo[order], np.arange(1, len(problem.photos)))
     return np.split(order, ends)
 
@@ -299,29 +299,68 @@ def _met(subblock: SubBlock, rays: Array, photo: Index, point: Index) -> Array:
     """Intersect (m, 3) rays of points counted from 0, side by side; see `intersect_rays`."""
     first = np.flatnonzero(np.diff(point, prepend=-1))
     origin = np.nanmean(subblock.centres, axis=0)
+    portions = _portions(first, len(rays))
     # a row for every component, so that one operation takes that of all rays
-    direction = np.ascontiguousarray(np.einsum("nij,nj->ni", subblock.rotations[photo], rays).T)
-    centre = np.ascontiguousarray((subblock.centres - origin)[photo].T)
-    rows = np.empty((9, len(rays)))
-    for row, (i, j) in zip(rows, _UPPER, strict=False):
-        np.multiply(direction[i], -direction[j], out=row)
-        if i == j:
-            row += 1.0
-    rows[6:] = centre - direction * np.einsum("in,in->n", direction, centre)
-    sums = np.add.reduceat(rows, first, axis=1)
+    direction, centre = np.empty((3, len(rays))), np.empty((3, len(rays)))
+    turned = np.ascontiguousarray(subblock.rotations.transpose(1, 2, 0))
+    centres = np.ascontiguousarray((subblock.centres - origin).T)
+    sums, miss = np.empty((9, len(first))), np.empty(len(rays))
+    for k, points in portions:
+        own = np.ascontiguousarray(rays[k].T)
+        for out, axes in zip(direction[:, k], turned.take(photo[k], axis=2), strict=True):
+            np.einsum("jn,jn->n", axes, own, out=out)
+        centre[:, k] = centres.take(photo[k], axis=1)
+        rows = _rows(direction[:, k], centre[:, k], np.ones(len(miss[k])))
+        sums[:, points] = np.add.reduceat(rows, first[points] - k.start, axis=1)
     for _ in range(_ROUNDS - 1):
-        away = np.take(_solved(sums), point, axis=1)
-        away -= centre
-        squares = np.zeros(len(rays))
-        for i, j in ((0, 1), (1, 2), (2, 0)):
-            squares += (direction[i] * away[j] - direction[j] * away[i]) ** 2
-        with np.errstate(invalid="ignore", divide="ignore"):
-            miss = squares / np.einsum("in,in->n", away, away)
-            known = miss[np.isfinite(miss)]
-            scale = max(3.0 * float(np.median(np.sqrt(known))), 1e-9) if len(known) else 1.0
-            weight = np.nan_to_num(1.0 / (1.0 + miss / scale**2), nan=1.0)
-        sums = np.add.reduceat(rows * weight, first, axis=1)
+        found = _solved(sums)
+        for k, _ in portions:
+            away = found.take(point[k], axis=1)
+            away -= centre[:, k]
+            squares = np.zeros(len(miss[k]))
+            for i, j in ((0, 1), (1, 2), (2, 0)):
+                squares += (direction[i, k] * away[j] - direction[j, k] * away[i]) ** 2
+            with np.errstate(invalid="ignore", divide="ignore"):
+                np.divide(squares, np.einsum("in,in->n", away, away), out=miss[k])
+        known = miss[np.isfinite(miss)]
+        scale = max(3.0 * float(np.median(np.sqrt(known))), 1e-9) if len(known) else 1.0
+        for k, points in portions:
+            weight = 1.0 / (1.0 + miss[k] / scale**2)
+            weight[np.isnan(weight)] = 1.0
+            rows = _rows(direction[:, k], centre[:, k], weight)
+            sums[:, points] = np.add.reduceat(rows, first[points] - k.start, axis=1)
     return np.asarray(_solved(sums).T + origin)
+
+
+def _portions(first: Index, count: int) -> list[tuple[slice, slice]]:
+    """Return rays in portions of whole points that stay near the processor, and which points.
+
+    Parameters
+    ----------
+    first
+        (n,) first rays of the points.
+    count
+        How many rays there are.
+    """
+    cuts = np.searchsorted(first, np.arange(0, count, _AT_ONCE)).tolist()
+    starts = [*first.tolist(), count]
+    every = pairwise(dict.fromkeys((*cuts, len(first))))
+    return [(slice(starts[a], starts[b]), slice(a, b)) for a, b in every]
+
+
+def _rows(direction: Array, centre: Array, weight: Array) -> Array:
+    """(9, n) upper triangles of I - d d', and right sides, times the weights of n rays.
+
+    `direction`, `centre`: (3, n) d, and where the rays begin.
+    """
+    rows, against = np.empty((9, len(weight))), direction * -weight
+    for row, (i, j) in zip(rows, _UPPER, strict=False):
+        np.multiply(against[i], direction[j], out=row)
+        if i == j:
+            row += weight
+    np.multiply(against, np.einsum("in,in->n", direction, centre), out=rows[6:])
+    rows[6:] += centre * weight
+    return rows
 
 
 def _solved(sums: Array) -> Array:
