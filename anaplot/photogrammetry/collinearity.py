@@ -76,7 +76,7 @@ def project(
         (n, 3) ground points [m].
     rays
         (m,) photos and (m,) points of rays, numbers in these arrays, which have a photo and a
-        point for many rays then; None: every photo has its own point.
+        point for many rays then; None: every photo has its own point, or a single one has all.
 
     Returns
     -------
@@ -163,8 +163,9 @@ def _portions(
     turned = rotations.transpose(1, 2, 0)
     if rays is None:
         for k in _slices(len(points)):
-            away = np.ascontiguousarray((points[k] - centres[k]).T)
-            yield k, away, np.ascontiguousarray(turned[:, :, k]), c[k]
+            own = slice(0, 1) if len(centres) == 1 else k
+            away = np.ascontiguousarray((points[k] - centres[own]).T)
+            yield k, away, np.ascontiguousarray(turned[:, :, own]), c[own]
         return
     rows, at, of = (np.ascontiguousarray(each) for each in (turned, centres.T, points.T))
     for k in _slices(len(rays[0])):

@@ -22,17 +22,20 @@ from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from anaplot.adjustment.significance import critical_normal
 from anaplot.adjustment.watch import Watch
 from anaplot.aliases import Array, Bools, Index
 from anaplot.bundle.onward import adjust_onward
 from anaplot.bundle.solve.adjusted import AdjustedBlock
+from anaplot.bundle.solve.crosscofactors import function_cofactors
 from anaplot.bundle.solve.imaging import imaged, imaged_places, seen_places
 from anaplot.bundle.solve.observations import ObservationName
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.remade import laid_out_again
 from anaplot.bundle.solve.runs import runs
+from anaplot.bundle.solve.sorting import order_of
 from anaplot.errors import NotComputableError
 
 __all__ = ["MisnamedRay", "misnamed_rays"]
@@ -133,40 +136,91 @@ def _rejected_rays(
 
 def _candidates(block: AdjustedBlock, rows: Sequence[int]) -> Iterator[_Candidate]:
     """Yield the names that the rejected rays may have borne, each exchange once."""
-    problem, state = block.problem, block.state
+    problem = block.problem
     points = problem.block.image_points
-    seen = imaged(problem, state).xy
-    ray_of = dict(zip(problem.source.tolist(), range(len(problem.source)), strict=True))
-    sigma = float(np.median(problem.sigma))
-    placed = _Placed(problem)
+    rays = np.flatnonzero(np.isin(problem.source, rows))
+    ray_of = dict(zip(problem.source[rays].tolist(), rays.tolist(), strict=True))
+    meant = _Meant(block, rays.tolist())
     given: set[frozenset[int]] = set()
-    lacking: dict[int, Array] = {}  # where photos would see the points around them
-    for row in rows:
-        ray = ray_of.get(row)
-        if ray is None:
-            continue
-        photo, own = int(problem.photo[ray]), int(problem.point[ray])
-        there = placed.rays(photo)
-        others = there[problem.point[there] != own]
-        as_other, instead = _far(seen[others], problem.xy[ray]), _far(problem.xy[others], seen[ray])
-        off: Array = np.minimum(instead, as_other)
-        off[placed.elsewhere(problem.point[others], as_other, sigma)] = np.inf
-        off[placed.elsewhere(np.full(len(others), own), instead, sigma)] = np.inf
-        for other in others[np.argsort(off)][: np.count_nonzero(off < _NEAR * sigma)].tolist():
+    for row in filter(ray_of.__contains__, rows):
+        ray = ray_of[row]
+        others, lacking = meant.by(ray)
+        for other in others:
             partner = int(problem.source[other])
             same = points[partner].model == points[row].model
             if same and frozenset((row, partner)) not in given:
                 given.add(frozenset((row, partner)))
                 yield _Candidate(row, points[partner].point, partner)
-        if problem.lens_units is not None:
-            continue  # only where points are seen that are measured there can be told
-        around = placed.points_around(photo)
-        if photo not in lacking:
-            lacking[photo] = seen_places(problem, state, photo, state.points[around]).xy
-        far = _far(lacking[photo], problem.xy[ray])
-        far[placed.elsewhere(around, far, sigma)] = np.inf
-        for at in around[far < _NEAR * sigma].tolist():
+        for at in lacking:
             yield _Candidate(row, problem.points[at], None)
+
+
+_Names = tuple[list[int], list[int]]
+"""Other rays of a photo, the nearest first, and points that it lacks: what a ray may be."""
+
+
+class _Meant:
+    """What rejected rays may be that bear a wrong name.
+
+    Parameters
+    ----------
+    block
+        The block, adjusted without what is rejected.
+    rejected
+        Rays with rejected coordinates.
+    """
+
+    def __init__(self, block: AdjustedBlock, rejected: Sequence[int]) -> None:
+        problem = self._problem = block.problem
+        self._state = block.state
+        self._placed = _Placed(problem)
+        self._sigma = float(np.median(problem.sigma))
+        self._seen = imaged(problem, block.state).xy.take(self._placed.order, axis=0)
+        self._xy = problem.xy.take(self._placed.order, axis=0)
+        self._rejected: dict[int, list[int]] = {}
+        for ray in rejected:
+            self._rejected.setdefault(int(problem.photo[ray]), []).append(ray)
+        self._names: dict[int, _Names] = {}
+
+    def by(self, ray: int) -> _Names:
+        """Return what a rejected ray may be; looked for of all of its photo's at once."""
+        if ray not in self._names:
+            photo = int(self._problem.photo[ray])
+            rays = self._rejected[photo]
+            each = self._others(photo, rays), self._lacking(photo, rays)
+            self._names.update(zip(rays, zip(*each, strict=True), strict=True))
+        return self._names[ray]
+
+    def _others(self, photo: int, rays: Sequence[int]) -> list[list[int]]:
+        """Return other rays of a photo that some may be, the nearest first."""
+        there, placed = self._placed.rays(photo), self._placed
+        order, point = placed.order[there], placed.points[there]
+        seen, xy = self._seen[there], self._xy[there]
+        mine = np.searchsorted(order, rays)
+        own = point[mine, None]
+        as_other, instead = _far(seen, xy[mine]), _far(xy, seen[mine])
+        off = np.minimum(instead, as_other)
+        off[placed.elsewhere(point, as_other, self._sigma)] = np.inf
+        off[placed.elsewhere(own, instead, self._sigma)] = np.inf
+        off[point == own] = np.inf
+        near = np.count_nonzero(off < _NEAR * self._sigma, axis=1).tolist()
+        return [
+            order[np.argsort(each)[:count]].tolist() if count else []
+            for each, count in zip(off, near, strict=True)
+        ]
+
+    def _lacking(self, photo: int, rays: Sequence[int]) -> list[list[int]]:
+        """Return points that a photo lacks and that some of its rays may be."""
+        if self._problem.lens_units is not None:
+            # only where points are seen that are measured there can be told
+            return [[] for _ in rays]
+        around = self._placed.points_around(photo)
+        places = self._state.points.take(around, axis=0)
+        seen = seen_places(self._problem, self._state, photo, places).xy
+        far = _far(seen, self._problem.xy[rays])
+        near = far < _NEAR * self._sigma
+        near &= ~self._placed.elsewhere(around, far, self._sigma)
+        return [around[each].tolist() for each in near]
 
 
 class _Placed:
@@ -176,40 +230,41 @@ class _Placed:
     ----------
     problem
         The bundle, without what is rejected.
+
+    Attributes
+    ----------
+    order, points
+        (m,) rays and their points, photo by photo, ascending in each.
     """
 
     def __init__(self, problem: Problem) -> None:
         self._problem = problem
-        self._order = np.argsort(problem.photo, kind="stable")
-        self._starts = np.searchsorted(
-            problem.photo[self._order], np.arange(len(problem.photos) + 1)
-        )
-        self._points = problem.point[self._order]
-        self._first = np.searchsorted(problem.point, np.arange(len(problem.points) + 1))
+        self.order = order_of(problem.photo, len(problem.photos))
+        self.points = problem.point.take(self.order)
+        count = np.bincount(problem.photo, minlength=len(problem.photos))
+        self._ends = [0, *np.cumsum(count).tolist()]
+        self._seers = np.bincount(problem.point, minlength=len(problem.points))
+        self._first = np.cumsum(self._seers) - self._seers
         whole: Bools = np.ones(len(problem.photo), dtype=bool)
         if problem.rejected is not None:
             whole &= ~problem.rejected.any(axis=1)
         self._enough = np.bincount(problem.point[whole], minlength=len(problem.points)) > _ENOUGH
-        self._around: dict[int, Index] = {}
 
-    def rays(self, photo: int) -> Index:
-        """Return the rays of a photo, ascending."""
-        return self._order[self._starts[photo] : self._starts[photo + 1]]
+    def rays(self, photo: int) -> slice:
+        """Return where the rays of a photo stand."""
+        return slice(self._ends[photo], self._ends[photo + 1])
 
     def points_around(self, photo: int) -> Index:
         """Return the points that a photo lacks, of a large block those of photos beside it."""
-        if photo not in self._around:
-            mine = np.zeros(len(self._problem.points), dtype=bool)
-            near = ~mine
-            mine[self._points[self._starts[photo] : self._starts[photo + 1]]] = True
-            if len(mine) > _FEW:
-                rays = runs(self._first[:-1][mine], np.diff(self._first)[mine])
-                beside = np.unique(self._problem.photo[rays])
-                near[:] = False
-                rays = runs(self._starts[beside], np.diff(self._starts)[beside])
-                near[self._points[rays]] = True
-            self._around[photo] = np.flatnonzero(near & ~mine)
-        return self._around[photo]
+        mine = self.points[self.rays(photo)]
+        near = np.ones(len(self._first), dtype=bool)
+        if len(near) > _FEW:
+            rays = runs(self._first[mine], self._seers[mine])
+            beside = np.flatnonzero(np.bincount(self._problem.photo[rays])).tolist()
+            near[:] = False
+            near[np.concatenate([self.points[self.rays(other)] for other in beside])] = True
+        near[mine] = False
+        return np.flatnonzero(near)
 
     def elsewhere(self, points: Index, far: Array, sigma: float) -> Bools:
         """Return which points are surely not what was measured that far from where they are seen.
@@ -221,10 +276,13 @@ class _Placed:
         return out
 
 
-def _far(places: Array, place: Array) -> Array:
+def _far(places: Array, others: Array) -> Array:
+    """(k, n) how far (n, 2) places are from each of (k, 2), along the farther axis."""
     with np.errstate(invalid="ignore"):
-        distance: Array = np.maximum(*np.abs(places - place).T)
-    return np.where(np.isfinite(distance), distance, np.inf)
+        x, y = (np.abs(places[:, axis] - others[:, axis, None]) for axis in range(2))
+        distance: Array = np.maximum(x, y)
+    distance[~np.isfinite(distance)] = np.inf
+    return distance
 
 
 def _plainly_wrong(
@@ -327,16 +385,22 @@ class _Rows(NamedTuple):
 
     def cofactors(self, block: AdjustedBlock) -> Array:
         """Return (k, k) G = J N^-1 J' between them."""
-        problem, normal = block.problem, block.cofactors.normal
-        k = np.arange(len(self.e))
-        photos = np.zeros((len(problem.photos), problem.per_photo, len(k)))
-        points = np.zeros((len(problem.points), 3, len(k)))
-        photos[self.photo, :, k], points[self.point, :, k] = self.a, self.b
-        shared = np.zeros((len(normal.corner), len(k)))
-        x, y, _ = normal.solve(block.cofactors.factor, photos, points, shared)
-        g: Array = np.einsum("ij,ijk->ik", self.a, x[self.photo])
-        g += np.einsum("ij,ijk->ik", self.b, y[self.point])
-        return g
+        problem, (k, d) = block.problem, self.a.shape
+        first = len(problem.photos) * d
+        columns = np.concatenate(
+            (
+                d * self.photo[:, None] + np.arange(d),
+                first + 3 * self.point[:, None] + np.arange(3),
+            ),
+            axis=1,
+        )
+        values = np.concatenate((self.a, self.b), axis=1)
+        rows = np.repeat(np.arange(k), d + 3)
+        functions = csr_array(
+            (values.ravel(), (rows, columns.ravel())),
+            shape=(k, first + 3 * len(problem.points) + problem.in_border),
+        )
+        return function_cofactors(block, functions)
 
 
 def _room(block: AdjustedBlock, rejected: dict[int, frozenset[str]], tried: _Candidate) -> float:

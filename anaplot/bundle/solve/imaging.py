@@ -175,12 +175,12 @@ def seen_places(
     Projection
         `xy` is NaN beyond a lens's fold: nothing is imaged a second time there.
     """
-    n, lens = len(places), problem.stated_lens
-    centres = np.broadcast_to(state.centres[photos], (n, 3))
-    rotations = np.broadcast_to(state.rotations[photos], (n, 3, 3))
+    lens = problem.stated_lens
+    centres, rotations = state.centres[photos], state.rotations[photos]
+    where = centres.reshape(-1, 3), rotations.reshape(-1, 3, 3)
     if lens is None:
-        return project(centres, rotations, np.broadcast_to(problem.c[photos], n), places)
-    seen = project(centres, rotations, np.ones(n), places)
+        return project(*where, np.atleast_1d(problem.c[photos]), places)
+    seen = project(*where, np.ones(len(where[0])), places)
     with np.errstate(invalid="ignore", over="ignore"):
         xy = lens_places(seen.xy, lens[photos])
     return Projection(_within_fold(seen.xy, lens[photos], xy), seen.depth)
