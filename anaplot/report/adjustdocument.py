@@ -23,7 +23,6 @@ from anaplot.report.adjusttables import (
     check_table,
     condition_table,
     control_table,
-    image_point_table,
     is_fine,
     overlap_table,
     parameter_table,
@@ -32,7 +31,6 @@ from anaplot.report.adjusttables import (
     point_prior_table,
     point_table,
     prior_table,
-    ray_table,
     with_rejected_control,
     with_rejected_priors,
 )
@@ -49,6 +47,7 @@ from anaplot.report.document import (
     say,
 )
 from anaplot.report.parameters import given_json, held_line, reference_lengths, reference_lines
+from anaplot.report.raytables import image_point_table, ray_table
 from anaplot.report.rules import rules_json, rules_lines
 from anaplot.report.switchedoff import switched_off_table
 

@@ -24,6 +24,7 @@ from anaplot.report.document import (
     Block,
     Column,
     Document,
+    Later,
     Line,
     Listed,
     Table,
@@ -143,8 +144,11 @@ def errors_document(cleaned: BlockFindings) -> Document:
                 "OBSERVATION", width=width)
         )  # fmt: skip
         why = dict.fromkeys(cleaned.far, _FAR) | dict.fromkeys(cleaned.against, _AGAINST)
-        lines = tuple(_rejected_line(row, width, found.strategy, why) for row in rejected)
-        page.append(Listed(lines, MOST_ROWS, "  and {} more"))
+
+        def lines(some: Sequence[int]) -> list[Line]:
+            return [_rejected_line(rejected[k], width, found.strategy, why) for k in some]
+
+        page.append(Listed(Later(len(rejected), lines), MOST_ROWS, "  and {} more"))
         page += change_lines(cleaned.point_change, "on the ground", "m", indent=2)
     elif not cleaned.points:
         page.append(say("  nothing is rejected"))
@@ -355,11 +359,14 @@ def _odds(cleaned: BlockFindings) -> list[Block]:
 
 def _probable(odds: Array, names: Sequence[ObservationName]) -> list[Line]:
     """Return the observations that are probable enough, the most probable first."""
-    return [
-        say("{:5.1f} %  {}", 100.0 * odds[k], in_words(names[k]))
-        for k in np.argsort(-odds, kind="stable").tolist()
-        if odds[k] >= _ODDS
-    ]
+    return [say("{:5.1f} %  {}", 100.0 * odds[k], in_words(names[k])) for k in _most_probable(odds)]
+
+
+def _most_probable(odds: Array) -> list[int]:
+    """Return the rows that are probable enough, the most probable first."""
+    enough = np.flatnonzero(odds >= _ODDS)
+    rows: list[int] = enough[np.argsort(-odds[enough], kind="stable")].tolist()
+    return rows
 
 
 def _but(cleaned: BlockFindings) -> str:
@@ -426,8 +433,7 @@ def _json(cleaned: BlockFindings) -> Answer:
             "none": found.odds.none,
             "single": [
                 {**name_json(names[k]), "probability": float(found.odds.rows[k])}
-                for k in np.argsort(-found.odds.rows, kind="stable").tolist()
-                if found.odds.rows[k] >= _ODDS
+                for k in _most_probable(found.odds.rows)
             ],
         },
         "remarks": list(cleaned.remarks),
@@ -445,8 +451,7 @@ def _json(cleaned: BlockFindings) -> Answer:
             "two": odds.pairs,
             "single": [
                 {**name_json(names[k]), "probability": float(odds.single[k])}
-                for k in np.argsort(-odds.single, kind="stable").tolist()
-                if odds.single[k] >= _ODDS
+                for k in _most_probable(odds.single)
             ],
             "pairs": [
                 {"first": name_json(names[a]), "second": name_json(names[b]), "probability": p}

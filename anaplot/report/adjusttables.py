@@ -6,30 +6,21 @@ angles in degrees and effects on the ground in millimetres.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import replace
-from itertools import chain
 from math import pi
-from typing import Any, NamedTuple, TypeAlias
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Any, TypeAlias
 
 from anaplot.adjustment.tested import Observation
-from anaplot.aliases import Array, Bools
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.comparedconditions import compared_conditions
 from anaplot.bundle.solve.externalreliability import ExternalReliability, LargestEffect
 from anaplot.bundle.solve.observations import ObservationName
 from anaplot.bundle.solve.parametercorrelations import ORIENTATION_PAIRS, photo_correlations
 from anaplot.bundle.solve.photochecks import photo_checks, photo_overlaps
-from anaplot.photogrammetry.imagepoint import use_counts
-from anaplot.photogrammetry.imagepoints import columns_of
 from anaplot.report.document import (
     Column,
     Table,
-    Values,
     for_programs,
     name,
     number,
@@ -38,10 +29,11 @@ from anaplot.report.document import (
 )
 
 __all__ = [
+    "EFFECT",
+    "XYZ",
     "check_table",
     "condition_table",
     "control_table",
-    "image_point_table",
     "is_fine",
     "overlap_table",
     "parameter_table",
@@ -50,27 +42,27 @@ __all__ = [
     "point_prior_table",
     "point_table",
     "prior_table",
-    "ray_table",
+    "vector",
     "with_rejected_control",
     "with_rejected_priors",
 ]
 
 _DEGREES = 180.0 / pi
 _UNITS = {"X": "m", "Y": "m", "Z": "m", "omega": "rad", "phi": "rad", "kappa": "rad"}
-_XYZ = ("X", "Y", "Z")
+XYZ = ("X", "Y", "Z")
 
 
-def _vector(key: str, title: str, width: int) -> Column:
+def vector(key: str, title: str, width: int) -> Column:
     """Return a column of vectors in metres, of which people read the length in millimetres."""
-    return Column(key, title, width, 2, unit="m", scale=1e3, parts=_XYZ)
+    return Column(key, title, width, 2, unit="m", scale=1e3, parts=XYZ)
 
 
 def _mark(word: str) -> Callable[[bool], str]:
     return lambda marked: word if marked else ""
 
 
-_EFFECT = (
-    _vector("largest_effect", "LARGEST [mm]", 14),
+EFFECT = (
+    vector("largest_effect", "LARGEST [mm]", 14),
     name("largest_effect_at", "AT"),
     number("standardized_effect", "LENGTH", 2, 8),
 )
@@ -187,8 +179,8 @@ _CONTROL = (
     number("r", "r", 3, 6),
     number("w", "w", 2, 8),
     number("mdb", "MDB [m]", 4, 10, unit="m"),
-    *for_programs("effect", unit="m", parts=_XYZ),
-    *_EFFECT,
+    *for_programs("effect", unit="m", parts=XYZ),
+    *EFFECT,
     _FLAGGED,
 )
 
@@ -255,7 +247,7 @@ _PRIORS = (
     number("r", "r", 3, 6),
     number("w", "w", 2, 8),
     number("mdb", "MDB", 6, 12),
-    *_EFFECT,
+    *EFFECT,
     _FLAGGED,
 )
 
@@ -281,7 +273,7 @@ _CONDITIONS = (
     number("w", "w", 2, 8),
     number("mdb", "MDB", 6, 12),
     number("s", "s", 6, 11),
-    *_EFFECT,
+    *EFFECT,
     _FLAGGED,
 )
 
@@ -307,7 +299,7 @@ def condition_table(block: AdjustedBlock, external: ExternalReliability) -> Tabl
 
 _CHECK = (
     name("point", "CHECK", 5),
-    *(number(f"d{axis}", f"d{axis} [m]", 4, 10, unit="m") for axis in _XYZ),
+    *(number(f"d{axis}", f"d{axis} [m]", 4, 10, unit="m") for axis in XYZ),
     name("", "(adjusted minus given)", gap=3),
 )
 
@@ -337,227 +329,3 @@ def parameter_table(block: AdjustedBlock) -> Table:
     cells = ((*row, "mm" if row.name in ("c", "x0", "y0") else "") for row in rows)
     shown = None if lens else _PARAMETERS_OF_NO_LENS
     return table("parameters", _PARAMETERS, cells, shown=shown)
-
-
-_IMAGE_POINTS = (
-    *for_programs("photo", "point", "model"),
-    *for_programs("vx_um", "vy_um", unit="um"),
-    *for_programs("rx", "ry", "wx", "wy"),
-    *for_programs("mdb_x_um", "mdb_y_um", unit="um"),
-    *for_programs("effect_x", "effect_y", unit="m", parts=_XYZ),
-    *for_programs("largest_effect_x", unit="m", parts=_XYZ),
-    *for_programs("largest_effect_at_x", "standardized_effect_x"),
-    *for_programs("largest_effect_y", unit="m", parts=_XYZ),
-    *for_programs("largest_effect_at_y", "standardized_effect_y", "flagged"),
-)
-
-
-def image_point_table(
-    block: AdjustedBlock,
-    external: ExternalReliability,
-    rejected: dict[int, list[str]] | None = None,
-) -> Table:
-    """Return the image points of the file, for programs; one that takes no part has no numbers.
-
-    Where some are switched off, every one says which of its coordinates count.
-
-    Parameters
-    ----------
-    block, external
-        The block, and what its undetected errors do.
-    rejected
-        Axes that are rejected, by row of the file; None: none are looked for.
-    """
-    columns = _IMAGE_POINTS
-    if rejected is not None:
-        columns = (*columns, *for_programs("rejected", "rejected_axes"))
-    if _any_off(block):
-        columns = (*columns, *for_programs("use"))
-    return Table("image_points", columns, lambda: _image_points(block, external, rejected))
-
-
-def _any_off(block: AdjustedBlock) -> bool:
-    return any(use != "xy" for use in columns_of(block.problem.block.image_points).use.values)
-
-
-def _image_points(
-    block: AdjustedBlock, external: ExternalReliability, rejected: dict[int, list[str]] | None
-) -> tuple[Values, ...]:
-    """Return the columns of `_IMAGE_POINTS` and what follows them, a row for each of the file."""
-    points = columns_of(block.problem.block.image_points)
-    n = len(points)
-    found, rays = _of_rays(block, external), np.sort(block.problem.source)
-    residual = np.full((n, 2), np.nan)
-    off = block.off_rays()
-    residual[list(off)] = np.array(list(off.values())).reshape(-1, 2)
-    residual[rays] = found.residual
-
-    def spread(values: Array) -> Array:
-        whole = np.full((n, *values.shape[1:]), np.nan)
-        whole[rays] = values
-        return whole
-
-    def placed(values: list[Any]) -> list[Any]:
-        whole: list[Any] = [None] * n
-        for k, value in zip(rays.tolist(), values, strict=True):
-            whole[k] = value
-        return whole
-
-    flagged = np.zeros(n, dtype=bool)
-    flagged[rays] = found.flagged.any(axis=1)
-    columns: list[Values] = [
-        points.photo.listed(),
-        points.point.listed(),
-        points.model.listed(),
-        *residual.T,
-        *spread(found.r).T,
-        *spread(found.w).T,
-        *spread(found.mdb).T,
-        *(spread(found.ground[:, axis]) for axis in range(2)),
-    ]
-    for axis in range(2):
-        columns += [
-            placed(found.moved[axis]),
-            placed(found.at[axis]),
-            spread(found.effect[:, axis]),
-        ]
-    columns.append(flagged)
-    if rejected is not None:
-        columns.append([k in rejected for k in range(n)])
-        columns.append([rejected.get(k, []) for k in range(n)])
-    if _any_off(block):
-        columns.append(points.use.listed())
-    return tuple(columns)
-
-
-class _OfRays(NamedTuple):
-    """What is known of the m rays that take part, in the order of the file.
-
-    Attributes
-    ----------
-    residual, r, w, mdb, effect
-        (m, 2) of x and y; NaN where it does not exist, r also where the coordinate does not count.
-    ground
-        (m, 2, 3) what an undetected error does to the ray's point [m].
-    flagged, use
-        (m, 2) which coordinates are flagged, and which count.
-    moved, at
-        Of x and of y: largest effects on a point [m], and which points these are; None where there
-        is none.
-    """
-
-    residual: Array
-    r: Array
-    w: Array
-    mdb: Array
-    effect: Array
-    ground: Array
-    flagged: Bools
-    use: Bools
-    moved: tuple[list[Any], list[Any]]
-    at: tuple[list[Any], list[Any]]
-
-
-def _of_rays(block: AdjustedBlock, external: ExternalReliability) -> _OfRays:
-    tested, order = block.tested, np.argsort(block.problem.source)
-    count = 2 * len(order)
-
-    def of(values: NDArray[Any]) -> NDArray[Any]:
-        taken: NDArray[Any] = values[:count].reshape(-1, 2, *values.shape[1:])[order]
-        return taken
-
-    def known(values: Array) -> Array:
-        taken = of(values)
-        return np.where(np.isfinite(taken), taken, np.nan)
-
-    use = of(tested.use)
-    ground = np.full((count, 3), np.nan) if tested.ground is None else tested.ground
-    x: list[Any] = [None] * len(order)
-    y = at_x = at_y = x
-    if external.looked:
-        effects = [[pair[axis] for pair in external.rays] for axis in range(2)]
-        x, y = ([None if one is None else one.effect_m for one in each] for each in effects)
-        at_x, at_y = ([None if one is None else one.point for one in each] for each in effects)
-    return _OfRays(
-        of(tested.residual),
-        np.where(use, of(tested.r), np.nan),
-        known(tested.w),
-        known(tested.mdb),
-        known(tested.effect),
-        of(ground),
-        of(tested.flagged),
-        use,
-        (x, y),
-        (at_x, at_y),
-    )
-
-
-_RAYS = (
-    name("photo", "PHOTO", 5),
-    name("point", "POINT", 5, gap=1),
-    name("axis"),
-    number("v_um", "v [um]", 1, 9, unit="um"),
-    number("r", "RED-N", 3, 8),
-    number("w", "w", 2, 8),
-    number("mdb_um", "MDB [um]", 1, 10, unit="um"),
-    _vector("effect", "EFFECT [mm]", 13),
-    *_EFFECT,
-    name("verdict", look=bool),
-)
-
-
-def ray_table(block: AdjustedBlock, external: ExternalReliability) -> Table:
-    """Return the image coordinates that take part or are switched off, for people: a row each."""
-    return Table("rays", _RAYS, lambda: _rays(block, external))
-
-
-_OFF_WORD, _REJECTED_WORD = "off", "rejected"
-
-
-def _rays(block: AdjustedBlock, external: ExternalReliability) -> tuple[Values, ...]:
-    """Return the columns of `_RAYS`, two rows for each ray that takes part or is switched off."""
-    points = columns_of(block.problem.block.image_points)
-    found, rays = _of_rays(block, external), np.sort(block.problem.source)
-    residuals = block.off_rays()
-    off = points.with_use("off")
-    order = np.argsort(np.concatenate((off, rays)), kind="stable")
-    rows = np.concatenate((off, rays))[order]
-    nothing = (math.nan, math.nan)
-    aside = np.array([residuals.get(k, nothing) for k in off.tolist()]).reshape(-1, 2)
-
-    def woven(values: Array, others: Array | None = None) -> Array:
-        """Return (2 k, ...) values of x and y, ray by ray."""
-        before = np.full((len(off), *values.shape[1:]), np.nan) if others is None else others
-        whole: Array = np.concatenate((before, values))[order]
-        return whole.reshape(-1, *values.shape[2:])
-
-    def placed(xy: Sequence[Sequence[Any]], before: Any = None) -> list[Any]:
-        pairs: Iterable[Any] = zip(*xy, strict=True)
-        if len(off):
-            every = [(before, before)] * len(off) + list(pairs)
-            pairs = map(every.__getitem__, order.tolist())
-        return list(chain.from_iterable(pairs))
-
-    def doubled(names: list[str]) -> list[str]:
-        return list(chain.from_iterable(zip(names, names, strict=True)))
-
-    words = np.full(found.use.shape, "", dtype=object)
-    words[np.isnan(found.mdb)] = "not testable"
-    words[found.flagged] = "<< REMEASURE"
-    for k, axis in np.argwhere(~found.use).tolist():
-        counts = use_counts(points.use.at(rays[k]), "xy"[axis])
-        words[k, axis] = _REJECTED_WORD if counts else _OFF_WORD
-    return (
-        doubled(points.photo.listed(rows)),
-        doubled(points.point.listed(rows)),
-        ["x", "y"] * len(rows),
-        woven(found.residual, aside),
-        woven(found.r),
-        woven(found.w),
-        woven(found.mdb),
-        woven(found.ground),
-        placed(found.moved),
-        placed(found.at),
-        woven(found.effect),
-        placed(words.T.tolist(), _OFF_WORD),
-    )

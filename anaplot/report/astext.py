@@ -13,6 +13,7 @@ from anaplot.report.document import (
     Block,
     Column,
     Figure,
+    Later,
     Line,
     Listed,
     Names,
@@ -246,6 +247,8 @@ def cell_texts(column: Column, values: Values, chosen: Sequence[int]) -> list[st
     each: Any
     if isinstance(chosen, range):
         each = values[chosen.start : chosen.stop]
+    elif isinstance(values, Later):
+        each = values.of(chosen)
     else:
         each = values[chosen] if is_array(values) else [values[k] for k in chosen]
     if is_array(each):

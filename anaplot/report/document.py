@@ -10,10 +10,10 @@ from __future__ import annotations
 import string
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
-from itertools import compress, count
+from functools import cached_property, lru_cache
+from itertools import compress
 from math import isclose, pi
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeGuard
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeGuard, TypeVar, overload
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -26,6 +26,7 @@ __all__ = [
     "Column",
     "Document",
     "Figure",
+    "Later",
     "Line",
     "Listed",
     "Names",
@@ -50,6 +51,8 @@ Answer: TypeAlias = dict[str, Any]
 
 Values: TypeAlias = "Sequence[Any] | NDArray[Any]"
 Kind: TypeAlias = Literal["text", "heading", "remark", "look"]
+
+T = TypeVar("T")
 
 OF_PI = {"deg": 180.0, "gon": 200.0}
 """Units in which people read angles, and how many of each are half a turn."""
@@ -139,6 +142,40 @@ BLANK = Line(())
 """An empty line of a page."""
 
 
+class Later(Sequence[T]):
+    """Values that are made where they are read: of many, few are shown.
+
+    Parameters
+    ----------
+    count
+        How many there are.
+    make
+        Returns those of some places.
+
+    Attributes
+    ----------
+    of
+        The same.
+    """
+
+    def __init__(self, count: int, make: Callable[[Sequence[int]], Sequence[T]]) -> None:
+        self._count, self.of = count, make
+
+    def __len__(self) -> int:
+        return self._count
+
+    @overload
+    def __getitem__(self, at: int) -> T: ...
+    @overload
+    def __getitem__(self, at: slice) -> Sequence[T]: ...
+    def __getitem__(self, at: int | slice) -> T | Sequence[T]:
+        found = range(self._count)[at]
+        return self.of([found])[0] if isinstance(found, int) else self.of(found)
+
+    def __iter__(self) -> Iterator[T]:
+        return iter(self.of(range(self._count)))
+
+
 @dataclass(frozen=True, slots=True)
 class Listed:
     """Lines of one kind, of which the first are shown unless all are asked for.
@@ -153,7 +190,7 @@ class Listed:
         What is said of the others, with their number in place of {}; empty: nothing.
     """
 
-    lines: tuple[Line, ...]
+    lines: Sequence[Line]
     most: int
     more: str = "    and {} more"
 
@@ -442,15 +479,18 @@ class _Template(string.Formatter):
     def parts(
         self, template: str, values: Sequence[Any], named: Mapping[str, Any]
     ) -> Iterable[Any]:
-        unnamed = count()
-        for literal, field, spec, _ in self.parse(template):
+        unnamed = iter(values)
+        for literal, field, spec in _fields(template):
             if literal:
                 yield literal
             if field is None:
                 continue
             if spec and "{" in spec:
                 spec = spec.format(**named)
-            value, _ = self.get_field(field or str(next(unnamed)), values, named)
+            if field:
+                value, _ = self.get_field(field, values, named)
+            else:
+                value = next(unnamed)
             if isinstance(value, Line):
                 yield from value.parts
             elif isinstance(value, Names):
@@ -462,6 +502,12 @@ class _Template(string.Formatter):
 
 
 _TEMPLATE = _Template()
+
+
+@lru_cache(512)
+def _fields(template: str) -> tuple[tuple[str, str | None, str | None], ...]:
+    """Return what a template is made of: it is said of thousands of rows."""
+    return tuple((literal, field, spec) for literal, field, spec, _ in _TEMPLATE.parse(template))
 
 
 def say(template: str, *values: Any, **named: Any) -> Line:

@@ -24,11 +24,11 @@ from anaplot.photogrammetry.block import Block
 from anaplot.report.adjusttables import (
     check_table,
     control_table,
-    image_point_table,
     photo_table,
     point_table,
 )
 from anaplot.report.document import Table, plain_values
+from anaplot.report.raytables import image_point_table
 
 __all__ = ["adjusted_result"]
 

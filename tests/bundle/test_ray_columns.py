@@ -18,12 +18,12 @@ from anaplot.bundle.errors.grosserrors import block_gross_errors
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.externalreliability import ExternalReliability, external_reliability
 from anaplot.photogrammetry.block import ImagePoint
-from anaplot.report.adjusttables import image_point_table, ray_table
 from anaplot.report.ascsv import csv_text
 from anaplot.report.asjson import json_text
 from anaplot.report.astext import table_lines
 from anaplot.report.columns import fitted
 from anaplot.report.document import plain_value
+from anaplot.report.raytables import image_point_table, ray_table
 
 
 def effects_of(one, found) -> tuple[Any, ...]:
