@@ -6,6 +6,7 @@ import csv
 import io
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,6 +25,8 @@ from anaplot.report.document import (
     Column,
     Document,
     Figure,
+    Later,
+    Line,
     Listed,
     Table,
     for_programs,
@@ -225,6 +228,23 @@ def test_lines_hold_values_and_lists() -> None:
     whole_page = page_text(page, everything=True)
     assert "p0, p1, p2, p3, p4" in whole_page
     assert "more" not in whole_page
+
+
+def test_lines_are_made_where_they_are_shown() -> None:
+    asked: list[int] = []
+
+    def lines(some: Sequence[int]) -> list[Line]:
+        asked.extend(some)
+        return [say("line {}", k) for k in some]
+
+    page = (Listed(Later(1000, lines), 2),)
+    assert page_text(page).split("\n") == ["line 0", "line 1", "    and 998 more"]
+    assert asked == [0, 1]
+    assert page_text(page, everything=True).count("line") == 1000
+    assert Later(1000, lines)[-1] == say("line {}", 999)
+    assert [*Later(3, lines)] == [say("line {}", k) for k in range(3)]
+    with pytest.raises(IndexError):
+        Later(3, lines)[3]
 
 
 def test_columns_and_values_belong_together() -> None:
