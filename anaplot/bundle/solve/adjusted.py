@@ -216,6 +216,10 @@ class AdjustedBlock:
 
     def indicators(self) -> Indicators:
         """Return the global indicators."""
+        return self._indicators
+
+    @cached_property
+    def _indicators(self) -> Indicators:
         r = self.cofactors.r
         x, y = (r.mean(axis=0) if self.problem.rejected is None else self._mean_r()).tolist()
         # a coordinate free of error has the cofactor zero

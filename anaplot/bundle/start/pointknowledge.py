@@ -35,7 +35,9 @@ def equations_knowing(problem: Problem, state: BlockState) -> Index:
     (points,) integers
         Coordinates free of error, of control, of priors, and conditions; 3 of what is given.
     """
-    away = np.linalg.norm(state.points[problem.point] - state.centres[problem.photo], axis=1)
+    ray = state.points.take(problem.point, axis=0)
+    ray -= state.centres.take(problem.photo, axis=0)
+    away = np.sqrt(np.einsum("ij,ij->i", ray, ray))
     count = np.bincount(problem.point, minlength=len(problem.points))
     own = np.bincount(problem.point, away, len(count)) / np.maximum(count, 1)
     worst = _SHARP * np.minimum(own, np.quantile(away, _FARTHEST))
