@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import gc
-import signal
 import sys
 from collections.abc import Callable, Iterable
 from functools import partial
@@ -24,6 +23,7 @@ from anaplot.console.errorspage import CHOICES
 from anaplot.console.kept import Kept
 from anaplot.console.keymap import default_path, load_keymap
 from anaplot.console.keys import ACTIONS
+from anaplot.console.orderly import OrderlyApp
 from anaplot.console.panels import WELCOME, AdvicePanel
 from anaplot.console.reportwriting import WriteReport
 from anaplot.console.screen import OrientationScreen
@@ -71,7 +71,7 @@ def _point_provider() -> type[PointProvider]:
     return PointProvider
 
 
-class ConsoleApp(App[int]):
+class ConsoleApp(OrderlyApp[int]):
     """The console over a station.
 
     Parameters
@@ -145,7 +145,7 @@ class ConsoleApp(App[int]):
         if self._kept is not None:
             self._take_up(self._kept)
         self.set_keymap(self._keys_of_user)
-        self._end_on_signals()
+        self.heed_signals()
 
     def _take_up(self, kept: Kept) -> None:
         """Go on as the console was left, and keep the theme from now on."""
@@ -172,16 +172,6 @@ class ConsoleApp(App[int]):
     def on_click(self, _: events.Click) -> None:
         """End the welcome with the first click."""
         self._greet(())
-
-    def _end_on_signals(self) -> None:
-        """Leave the screen in order when the terminal is closed or the process politely ended."""
-        loop = asyncio.get_running_loop()
-        for name in ("SIGTERM", "SIGHUP"):
-            number = getattr(signal, name, None)
-            # not every platform, nor every thread, takes signal handlers
-            with contextlib.suppress(NotImplementedError, RuntimeError, ValueError):
-                if number is not None:
-                    loop.add_signal_handler(number, self.exit, 128 + number)
 
     def get_system_commands(self, screen: Screen[object]) -> Iterable[SystemCommand]:
         """Yield what the palette offers: every action of the screen, and the theme."""

@@ -7,13 +7,14 @@ from pathlib import Path
 from typing import ClassVar
 
 from textual import events
-from textual.app import App, ComposeResult
+from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal
 from textual.content import Content
 from textual.widgets import Input, Static
 
 from anaplot.console.app import THEME
+from anaplot.console.orderly import OrderlyApp
 from anaplot.console.text import fit, fit_end, wrap
 from anaplot.errors import InputError
 from anaplot.report.newcommand import write_answers
@@ -35,7 +36,7 @@ _HINTS = {
 }
 
 
-class NewBlockApp(App[tuple[str, ...]]):
+class NewBlockApp(OrderlyApp[tuple[str, ...]]):
     """The screen; what is wrong stands under its field, and nothing is written until all is right.
 
     Returns the lines that `anaplot new` prints, or None when the person left.
@@ -104,6 +105,7 @@ class NewBlockApp(App[tuple[str, ...]]):
         """Take the colours, and say what the first field is about."""
         self.register_theme(THEME)
         self.theme = THEME.name
+        self.heed_signals()
         self._hint()
 
     def on_resize(self) -> None:
@@ -218,8 +220,13 @@ def ask_for_block(folder: Path, *, instrument: bool = False) -> tuple[str, ...]:
     ------
     InputError
         The person left: nothing is written.
+    SystemExit
+        A signal ended it.
     """
-    lines = NewBlockApp(folder, instrument=instrument).run()
+    app = NewBlockApp(folder, instrument=instrument)
+    lines = app.run()
     if lines is None:
+        if app.return_code is not None and app.return_code > 128:
+            raise SystemExit(app.return_code)
         raise InputError("the questions were not answered: nothing is written")
     return lines
