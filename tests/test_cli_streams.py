@@ -25,9 +25,11 @@ BUFFERED = {"PYTHONUNBUFFERED": ""}
 posix = pytest.mark.skipif(sys.platform == "win32", reason="a shell closes the streams")
 
 
-def under_shell(redirection: str, *arguments: object) -> subprocess.CompletedProcess[str]:
+def under_shell(
+    redirection: str, *arguments: object, env: dict[str, str] = BUFFERED
+) -> subprocess.CompletedProcess[str]:
     script = f'exec "$@" {redirection}'
-    return anaplot(*arguments, env=BUFFERED, prefix=("sh", "-c", script, "sh"))
+    return anaplot(*arguments, env=env, prefix=("sh", "-c", script, "sh"))
 
 
 @posix
@@ -42,8 +44,9 @@ def test_a_closed_output_is_one_line(arguments: tuple[str, ...]) -> None:
 def test_a_full_output_is_one_line(arguments: tuple[str, ...]) -> None:
     if not Path("/dev/full").exists():
         pytest.skip("no /dev/full")
-    result = under_shell(">/dev/full", *arguments)
-    one_line(result, 2, "standard output: ", os.strerror(errno.ENOSPC))
+    for env in (BUFFERED, {"PYTHONUNBUFFERED": "1"}):
+        result = under_shell(">/dev/full", *arguments, env=env)
+        one_line(result, 2, "standard output: ", os.strerror(errno.ENOSPC))
 
 
 @posix

@@ -87,6 +87,11 @@ class CommandParser(argparse.ArgumentParser):
         text = super().format_help(*given, **named)
         return text + "".join(["\nexamples:\n", *shown] if shown else [])
 
+    def _print_message(self, message: str, file: Any = None) -> None:
+        """Write a help; argparse says nothing of an output that takes none of it."""
+        if message:
+            (sys.stderr if file is None else file).write(message)
+
     def _get_formatter(self, *given: Any, **named: Any) -> argparse.HelpFormatter:
         formatter = super()._get_formatter(*given, **named)
         if isinstance(formatter, _Help):
