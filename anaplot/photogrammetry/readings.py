@@ -15,7 +15,7 @@ __all__ = [
     "Refused",
 ]
 
-UNREFERENCED = "the counters are unreferenced since the line was lost: measure a reference again"
+UNREFERENCED = "the counters have lost their reference: measure one again"
 """Why every reading of counters without reference is refused."""
 
 KEY = "key"

@@ -184,7 +184,7 @@ def test_counters_are_unreferenced_after_a_lost_line_until_measured_again():
     assert refusal(decoder.feed(lines(b"R 1 1 " + zero), 1.0)) == UNREFERENCED
     assert decoder.feed(lines(b"D " + zero), 1.0) == [InPosition(None)]
     assert decoder.unreferenced_position == Position(0.0, 0.0, 0.0, 0.0)
-    with pytest.raises(InputError, match="unreferenced"):
+    with pytest.raises(InputError, match="lost their reference"):
         decoder.drive_command(PLACE)
     assert decoder.reference(PLACE) == PLACE
     assert decoder.feed(lines(b"P " + zero), 1.0) == [PLACE]

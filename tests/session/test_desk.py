@@ -387,7 +387,7 @@ def test_a_reference_is_measured_twice(scene: Scene) -> None:
     # heard again and again, told once
     again = bench.hear(ReferenceLost())
     assert again.requests == ()
-    with pytest.raises(InputError, match="measure a reference again"):
+    with pytest.raises(InputError, match="measure one again"):
         bench.give(RecordPoint())
     point_at(bench, 3.0)
     assert "again" in bench.desk.expected
@@ -514,7 +514,7 @@ REFUSED: list[tuple[Callable[[Bench], None], Command, str]] = [
     (suspended, RecordPoint(), "work is suspended: resume first"),
     (suspended, Undo(), "work is suspended: resume first"),
     (suspended, Suspend(), "work is suspended: resume first"),
-    (unreferenced, RecordPoint(), "the counters are unreferenced"),
+    (unreferenced, RecordPoint(), "the counters have lost their reference"),
     (unreferenced, Drive("no-such"), "no-such is not measured or helps no further"),
     (unreferenced, Reference(), "the counters have not been read since: try again"),
     (off_line, Reference(), "the plotter's line is lost"),

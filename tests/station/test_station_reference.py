@@ -94,7 +94,7 @@ def test_counters_that_kept_their_origin_change_nothing(tmp_path: Path, undistur
         station, watch = open_on(bench, DISPLAYS)
         begin(station, watch, 6)
         cut(station, watch, power=False)
-        with pytest.raises(InputError, match="unreferenced"):
+        with pytest.raises(InputError, match="lost their reference"):
             station.record()
         finish(station)
         watch.heard("the counters kept their origin")
