@@ -15,7 +15,7 @@ __all__ = [
     "Refused",
 ]
 
-UNREFERENCED = "the counters have lost their reference: measure one again"
+UNREFERENCED = "the counters have lost their reference"
 """Why every reading of counters without reference is refused."""
 
 KEY = "key"

@@ -187,6 +187,21 @@ async def test_counters_are_kept_only_when_it_is_said_twice():
 
 def test_the_key_is_there_only_when_needed():
     assert not is_live("reference", picture(), rows=18)
+    assert not is_live("keep_counters", picture(), rows=18)
+    # while something measured is offered, the doubtful way is not put beside it
+    assert is_live("reference", lost(), rows=18)
+    assert not is_live("keep_counters", lost(), rows=18)
+
+
+async def test_where_nothing_can_be_referred_to_the_key_that_now_names_is_in_the_key_bar():
+    nothing = "the counters have lost their reference: nothing is measured; set them, and press K"
+    station = FakeStation(lost())
+    app = console(station)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await until(pilot, lambda: "R Reference" in text(app))
+        assert "K Keep" not in text(app)
+        station.tell(replace(lost(serial=2), reference_point=None, expected=nothing))
+        await until(pilot, lambda: "K Keep" in text(app))
     assert is_live("record", picture(), rows=18)
     assert is_live("reference", lost(), rows=18)
     assert not is_live("record", lost(), rows=18)

@@ -387,7 +387,7 @@ def test_a_reference_is_measured_twice(scene: Scene) -> None:
     # heard again and again, told once
     again = bench.hear(ReferenceLost())
     assert again.requests == ()
-    with pytest.raises(InputError, match="measure one again"):
+    with pytest.raises(InputError, match="have lost their reference"):
         bench.give(RecordPoint())
     point_at(bench, 3.0)
     assert "again" in bench.desk.expected
