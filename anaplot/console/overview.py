@@ -147,7 +147,10 @@ def foot_lines(status: BlockStatus, doing: str, width: int, height: int) -> list
         for i, words in enumerate(following)
     ]
     room = max(height - len(lines) - len(last), 0)
-    spots = [line for spot in status.weak_spots for line in wrap(f"! {spot.words}", width - 10)[:1]]
+    spots = [line for spot in status.weak_spots for line in wrap(f"! {spot.words}", width - 9)]
+    if len(spots) > room:
+        # one line each, with an ellipsis
+        spots = [f"! {spot.words}" for spot in status.weak_spots]
     if len(spots) > room:
         kept = max(room - 1, 0)
         spots = [*spots[:kept], f"! and {len(spots) - kept} more to look at"][:room]

@@ -124,6 +124,20 @@ def test_the_foot_says_how_much_it_leaves_out():
     assert shown[-2:] == ["next    adjust the block: anaplot adjust", "/a/long/path"]
 
 
+def test_a_weak_spot_is_told_whole_where_there_is_room_and_else_shows_that_it_is_not():
+    said = "no orientation with 101-1, 101-1'; 101-1 and 101-1' interchanged? All agree then"
+    model = accepted("101", "102", why=said)
+    found = status((model,), NextStep("measure", "x"))
+    whole, cut = (
+        [line.plain.strip() for line in foot_lines(found, "n", 80, height)] for height in (6, 3)
+    )
+    assert " ".join(whole[1:3]) == f"look    ! model 101/102: {said}"
+    assert len(whole) == 4
+    assert len(cut) == 3
+    assert cut[1].endswith("…")
+    assert cut[1][:-1] in f"look    ! model 101/102: {said}"
+
+
 def test_the_foot_names_points_for_weak_photos_where_there_is_room():
     points = tuple(
         ExtraPoint(x, 92.0, (x, 92.0, 0.0), ("101", "102")) for x in (-92.0, -46.2, 0.0, 92.4)
