@@ -299,7 +299,7 @@ def _summary(
             "  test {kind}, alpha {alpha:g}, critical value {critical:.2f||none}; of good "
             "observations about {flagged_by_chance:.1f} are flagged",
             **answer["test"],
-        ),
+        ).folded(4),
         *_global_test(block),
         say("  reliability  RI x {RI_x:.3f}  y {RI_y:.3f}  all {RI:.3f}", **answer["indicators"]),
         say(
@@ -352,7 +352,7 @@ def _others_flagged(block: AdjustedBlock) -> list[Line]:
         return []
     some = [say("{} (w {:.2f})", what, w) for w, what, _ in others[:_FEW]]
     head = f"  {counted(len(others), 'other observation')} {'is' if len(others) == 1 else 'are'}"
-    return [say("{} flagged: {}", head, named(some)).of("look")] + (
+    return [say("{} flagged: {}", head, named(some)).folded(4).of("look")] + (
         [say("    and {} more in the tables", len(others) - _FEW)] if len(others) > _FEW else []
     )
 
@@ -388,7 +388,7 @@ def _global_test(block: AdjustedBlock) -> list[Line]:
             found.alpha,
             block.sigma0**2,
             found.critical,
-        ),
+        ).folded(4),
         say(
             "    ({}{:.0f} % of such blocks without any error exceed it; at {:g} the limit "
             "is {:.3f}{})",
@@ -397,7 +397,7 @@ def _global_test(block: AdjustedBlock) -> list[Line]:
             ALARM,
             limit,
             ", and this is beyond it" if beyond else "",
-        ),
+        ).folded(6),
     ]
 
 
@@ -416,9 +416,9 @@ def _suspects(
     # wrong control bends the rays about it
     worst = next(((what, w) for w, what, kind in others_flagged(block) if w > abs(first.w)), None)
     lines = [
-        say("    {}  point {}  {}  w {:.2f}  r {:.3f}", _photo(one.where), one.point,
-            one.where.axis, one.w, one.r)
-        + _alike(one)
+        (say("    {}  point {}  {}  w {:.2f}  r {:.3f}", _photo(one.where), one.point,
+             one.where.axis, one.w, one.r)
+         + _alike(one)).folded(6)
         for one in suspects
     ]  # fmt: skip
     points = list(dict.fromkeys(one.point for one in suspects))
@@ -435,7 +435,9 @@ def _suspects(
             first.point,
             _photo(first.where),
             first.where.axis,
-        ).of("look"),
+        )
+        .folded(4)
+        .of("look"),
         Listed(tuple(lines), _MOST, "    and {} more in the table"),
         say("  which ray of the point is wrong, if one is:"),
         Listed(tuple(_accused(point, accused[point]) for point in points), _MOST, ""),
@@ -444,7 +446,7 @@ def _suspects(
 
 def _accused(point: str, rays: tuple[SuspectRay, ...]) -> Line:
     some = [say("{} {:.0f} %", _photo(ray), 100.0 * ray.probability) for ray in rays[:4]]
-    return say("    point {}: {}", point, named(some))
+    return say("    point {}: {}", point, named(some)).folded(6)
 
 
 def _photo(where: ImageCoordinate | SuspectRay) -> Line:
@@ -471,7 +473,7 @@ def _spurs(block: AdjustedBlock) -> list[Block]:
             SPUR,
             "is" if len(spurs) == 1 else "are",
         ),
-        say("    {}", named([say("{}:{} {}", *spur) for spur in spurs], _MOST, " ...")),
+        say("    {}", named([say("{}:{} {}", *spur) for spur in spurs], _MOST, " ...")).folded(4),
     ]
 
 

@@ -76,7 +76,7 @@ def _lines(block: Line | Listed | Figure, everything: bool) -> Iterator[str]:
 def _listed(listed: Listed, everything: bool) -> Iterator[str]:
     most = len(listed.lines) if everything else listed.most
     for line in listed.lines[:most]:
-        yield line_text(line, everything=everything)
+        yield from _folded(line, everything)
     if len(listed.lines) > most and listed.more:
         yield listed.more.format(len(listed.lines) - most)
 
@@ -93,8 +93,22 @@ def _folded(line: Line, everything: bool) -> list[str]:
             head = line_text(before, everything=everything)
             lines = wrapped(head, items, separator=part.separator, indent=indent)
             lines[-1] += line_text(after, everything=everything)
-            return lines
-    return textwrap.wrap(line_text(line), PAGE, subsequent_indent=indent) or [""]
+            # what stands before and after the list may be long as well; names stay whole
+            return [some for one in lines for some in _wrapped(one, indent, whole=True)]
+    return _wrapped(line_text(line), indent)
+
+
+def _wrapped(text: str, indent: str, *, whole: bool = False) -> list[str]:
+    if whole and len(text) <= PAGE:
+        return [text]
+    lines = textwrap.wrap(
+        text,
+        PAGE,
+        subsequent_indent=indent,
+        break_long_words=not whole,
+        break_on_hyphens=not whole,
+    )
+    return lines or [""]
 
 
 def line_text(line: Line, *, everything: bool = False) -> str:

@@ -307,6 +307,15 @@ def test_the_global_test_is_no_alarm_unless_the_limit_of_one_in_twenty_is_exceed
     planned: Block, um: float, beyond: bool
 ) -> None:
     page = page_text(anaplot.adjust(noisy(planned, um)).document.page)
-    line = page.split("  global test consistent")[1].splitlines()[1]
-    assert line.startswith("    (no alarm: ") != beyond
-    assert line.endswith(", and this is beyond it)") == beyond
+    said = " ".join(page.split("  global test consistent")[1].split("reliability")[0].split())
+    assert ("(no alarm: " in said) != beyond
+    assert said.endswith(", and this is beyond it)") == beyond
+
+
+@pytest.mark.parametrize("um", [5.0, 12.0])
+def test_what_is_said_above_the_tables_fits_into_80_columns(planned: Block, um: float) -> None:
+    for datum in ("control", "free"):
+        page = page_text(anaplot.adjust(noisy(planned, um), datum=datum).document.page)
+        said = page.split("\n\n")[0]
+        assert "global test" in said
+        assert max(map(len, said.splitlines())) <= 80
