@@ -234,9 +234,19 @@ def inverse_among(matrix: Array, chosen: Bools) -> Array:
     LinAlgError
         One is singular.
     """
-    both = chosen[:, :, None] & chosen[:, None, :]
-    part = np.where(both, matrix, 0.0) + np.eye(matrix.shape[1]) * ~chosen[:, None, :]
-    return np.where(both, np.linalg.inv(part), 0.0)
+    count, k = chosen.shape
+    most = int(chosen.sum(axis=1).max(initial=0))
+    out = np.zeros((count, k, k))
+    if not most:
+        return out
+    # hardly ever are as many chosen as there are: those come first
+    rows = np.argsort(~chosen, axis=1, kind="stable")[:, :most]
+    real = np.take_along_axis(chosen, rows, axis=1)
+    at = np.arange(count)[:, None, None], rows[:, :, None], rows[:, None, :]
+    both = real[:, :, None] & real[:, None, :]
+    part = np.where(both, matrix[at], 0.0) + np.eye(most) * ~real[:, None, :]
+    out[at] = np.where(both, np.linalg.inv(part), 0.0)
+    return out
 
 
 def seen_without(matrix: Array, gone: Bools) -> tuple[Array, Array]:

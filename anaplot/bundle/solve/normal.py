@@ -12,7 +12,7 @@ is summed in clusters of points near each other.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cached_property
 from itertools import pairwise
 
@@ -134,8 +134,11 @@ class NormalEquations:
         _add_own(own, a, of_points, structure.by_photo)
         del of_points
         blocks[structure.pattern.diagonal] = own
+        room = np.empty(
+            d**2 * max((len(one.of.photos) for one in structure.clusters), default=0) ** 2
+        )
         for cluster in structure.clusters:
-            cluster.take(blocks, self.z)
+            cluster.take(blocks, self.z, room)
         self.blocks = blocks
 
     def border_columns(self, group: Index) -> Index:
@@ -421,19 +424,26 @@ class NormalEquations:
         y = np.matmul(self.inverse_root, points)
         right = photos
         if y.any():
-            zy = np.matmul(self.z, y[problem.point]).reshape(m, d * k)
+            zy = np.empty((m, d * k))
+            for piece, z in self._z_of_points():
+                into = zy[piece.rays].reshape(len(z), -1, k)
+                np.matmul(z, y[piece.points], out=into)
             right = photos - (self.structure.by_photo @ zy).reshape(photos.shape)
         corner = shared - np.einsum("pig,pik->gk", self.t, y) if len(shared) else shared
         x, s = factor.solve(right, corner)
-        for piece in self.structure.pieces:
+        for piece, z in self._z_of_points():
             # Z' x of all rays of a point at once
-            count, wide = piece.stop - piece.start, piece.group.rays * d
-            z = self.z[piece.rays].reshape(count, wide, 3)
-            moved = x[problem.photo[piece.rays]].reshape(count, wide, k)
+            moved = x.take(problem.photo[piece.rays], axis=0).reshape(len(z), -1, k)
             y[piece.points] -= np.matmul(z.transpose(0, 2, 1), moved)
         if len(shared):
             y -= np.matmul(self.t, s)
         return x, np.matmul(self.inverse_root.transpose(0, 2, 1), y), s
+
+    def _z_of_points(self) -> Iterator[tuple[Piece, Array]]:
+        """Yield pieces, each with the (points, rays d, 3) Z of its points."""
+        for piece in self.structure.pieces:
+            d = self.z.shape[1]
+            yield piece, self.z[piece.rays].reshape(-1, piece.group.rays * d, 3)
 
 
 def _add_own(own: Array, a: Array, of_points: Array, by_photo: csr_matrix) -> None:

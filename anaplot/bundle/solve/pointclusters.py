@@ -94,7 +94,7 @@ class Cluster:
     own: Index
     twice: bool
 
-    def take(self, blocks: Array, values: Array) -> None:
+    def take(self, blocks: Array, values: Array, room: Array) -> None:
         """Take Z Z' off the blocks between photos; what a ray adds to its own photo is left out.
 
         Parameters
@@ -103,11 +103,14 @@ class Cluster:
             (b, d, d) of the whole matrix.
         values
             (m, d, 3) Z of all rays.
+        room
+            At least (f d)^2 numbers, for the product: new memory would take as long as that.
         """
         f, d = len(self.of.photos), blocks.shape[1]
         tall = self.of.laid_out(values)
-        product = (tall @ tall.T).reshape(f, d, f, d)
-        mine = product[self.row, :, self.column]
+        product = room[: (f * d) ** 2].reshape(f * d, f * d)
+        np.matmul(tall, tall.T, out=product)
+        mine = product.reshape(f, d, f, d)[self.row, :, self.column]
         if self.twice:
             np.subtract.at(blocks, self.block, mine)
         else:
