@@ -487,29 +487,19 @@ def examine(
     testable = r >= TESTABLE
     if firm is not None:
         testable |= firm & (r > 0.0)
-    every = bool(np.logical_and.reduce(testable))
-
-    def known(values: Array) -> Array:
-        return values if every else np.where(testable, values, np.nan)
-
+    deviation = sigma * np.sqrt(np.maximum(r, 0.0)) if deviation is None else deviation
+    tested = np.where(testable, deviation, np.nan)
     # an error of one sigma shows with r of its size: in standard deviations of the residual
-    if deviation is None:
-        root = np.sqrt(np.maximum(r, 0.0))
-        deviation, shown = sigma * root, known(root)
-    else:
-        shown = sigma * r / known(deviation)
+    shown = sigma * r / tested
     expected = np.full(len(r), np.nan) if factor is None else factor * deviation
     # a residual that is exactly zero with sigma estimated as zero: nothing deviates from anything
-    w = residual / known(expected) if factor else np.full(len(r), np.nan)
+    w = residual / (tested * (factor or np.nan))
     detectable = applied.delta0 / shown
     mdb = detectable * sigma
     effect = detectable * (np.sqrt(np.maximum(1.0 - r, 0.0)) if moved is None else moved)
     flagged = np.abs(w) > (np.inf if applied.critical is None else applied.critical)
     if rounding and np.logical_or.reduce(flagged):
         flagged &= np.abs(residual) > rounding
-    if use is None:
-        use = np.empty(len(r), dtype=np.bool_)
-        use.fill(True)  # np.ones takes twice as long
     return Tested(
         keys=keys,
         units=units,
@@ -524,7 +514,7 @@ def examine(
         mdb=mdb,
         effect=effect if firm is None else np.where(firm, np.nan, effect),
         flagged=flagged,
-        use=use,
+        use=np.ones(len(r), dtype=np.bool_) if use is None else use,
         evidence=ERROR_PRIOR_SIGMAS**2 * (shown * shown),
         ground=None if moved_ground is None else moved_ground * mdb[:, None],
         dense=dense,
