@@ -460,9 +460,8 @@ class _RowDerivatives(MadeAgain):
             of_ties += by.dot(self._known).dot(by.T)
         if self._shared is not None:
             ties = self._ties
-            both = np.einsum(
-                "rkc,iakc,ia->ri", self._by_image[:, :, :2], self._shared, self._by_tie
-            )
+            image = self._by_image[:, :, :2]
+            both = np.einsum("rkc,iakc,ia->ri", image, self._shared, self._by_tie)
             out[:, ties] += both
             out[ties] += both.T
         return out

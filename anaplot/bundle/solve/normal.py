@@ -12,7 +12,7 @@ is summed in clusters of points near each other.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import cached_property
 from itertools import pairwise
 
@@ -406,44 +406,33 @@ class NormalEquations:
         # the largest array has a value per ray, unknown of its photo, and right-hand side
         step = max(1, _PORTION // (8 * self.z.shape[0] * self.z.shape[1]))
         if count <= step:
-            return self._solve_portion(factor, photos, points, shared)
+            return self._portion(factor, photos, points, shared)
         found = []
         for k in range(0, count, step):
             mine = slice(k, k + step)
             sides = photos[:, :, mine], points[:, :, mine], shared[:, mine]
-            found.append(self._solve_portion(factor, *sides))
+            found.append(self._portion(factor, *sides))
         x, p, s = (np.concatenate([part[k] for part in found], axis=-1) for k in range(3))
         return x, p, s
 
-    def _solve_portion(
-        self, factor: Factor, photos: Array, points: Array, shared: Array
-    ) -> Unknowns:
-        problem = self.problem
-        k = photos.shape[2]
-        m, d = self.z.shape[:2]
+    def _portion(self, factor: Factor, photos: Array, points: Array, shared: Array) -> Unknowns:
+        (m, d, _), k = self.z.shape, photos.shape[2]
         y = np.matmul(self.inverse_root, points)
         right = photos
         if y.any():
             zy = np.empty((m, d * k))
-            for piece, z in self._z_of_points():
-                into = zy[piece.rays].reshape(len(z), -1, k)
-                np.matmul(z, y[piece.points], out=into)
+            for piece, z in self.structure.by_points(self.z):
+                np.matmul(z, y[piece.points], out=zy[piece.rays].reshape(len(z), -1, k))
             right = photos - (self.structure.by_photo @ zy).reshape(photos.shape)
         corner = shared - np.einsum("pig,pik->gk", self.t, y) if len(shared) else shared
         x, s = factor.solve(right, corner)
-        for piece, z in self._z_of_points():
+        for piece, z in self.structure.by_points(self.z):
             # Z' x of all rays of a point at once
-            moved = x.take(problem.photo[piece.rays], axis=0).reshape(len(z), -1, k)
+            moved = x.take(self.problem.photo[piece.rays], axis=0).reshape(len(z), -1, k)
             y[piece.points] -= np.matmul(z.transpose(0, 2, 1), moved)
         if len(shared):
             y -= np.matmul(self.t, s)
         return x, np.matmul(self.inverse_root.transpose(0, 2, 1), y), s
-
-    def _z_of_points(self) -> Iterator[tuple[Piece, Array]]:
-        """Yield pieces, each with the (points, rays d, 3) Z of its points."""
-        for piece in self.structure.pieces:
-            d = self.z.shape[1]
-            yield piece, self.z[piece.rays].reshape(-1, piece.group.rays * d, 3)
 
 
 def _add_own(own: Array, a: Array, of_points: Array, by_photo: csr_matrix) -> None:

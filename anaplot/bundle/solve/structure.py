@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -71,6 +72,26 @@ class Structure:
     clusters: tuple[Cluster, ...]
     by_photo: sparse.csr_matrix
     pairs: Index
+
+    def take(self, blocks: Array, z: Array) -> None:
+        """Take Z Z' of all points off the blocks between photos; see `Cluster.take`.
+
+        Parameters
+        ----------
+        blocks
+            (all, d, d).
+        z
+            (m, d, 3) Z of all rays.
+        """
+        most = max((len(cluster.of.photos) for cluster in self.clusters), default=0)
+        room = np.empty((most * blocks.shape[1]) ** 2)
+        for cluster in self.clusters:
+            cluster.take(blocks, z, room)
+
+    def by_points(self, z: Array) -> Iterator[tuple[Piece, Array]]:
+        """Yield pieces, each with the (points, rays d, 3) Z of its points, of (m, d, 3) of rays."""
+        for piece in self.pieces:
+            yield piece, z[piece.rays].reshape(piece.stop - piece.start, -1, 3)
 
     def among(self, photos: Index, blocks: Array) -> Array:
         """Return (..., k d, k d) of (..., k) photos, each with each, from (all, d, d) blocks."""
