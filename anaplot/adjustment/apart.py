@@ -319,13 +319,13 @@ class _Sweeps:
         np.maximum.at(first, at, np.nan_to_num(size[rows]))
         reach, touching = given.reach(numbers) * np.sqrt(share), given.touching(numbers)
         kept = frozenset[int]() if anew else out
+        new = ~np.isin(numbers, given.places_of(gone))
         while True:
             top = np.zeros(len(numbers))
             np.maximum.at(top, at, largest)
             doubts = Doubts(top, reach, touching)
             # what the largest row of a place leaves in doubt, its rows do
-            waits = ~np.isin(numbers, given.places_of(gone))
-            waits &= doubts.blocks(self.critical, _NEGLIGIBLE)
+            waits = new & doubts.blocks(self.critical, _NEGLIGIBLE)
             decided: list[tuple[float, list[SearchStep], Index]] = []
             value = given.vtpv
             for places in self._places(given, numbers[~waits]):

@@ -140,6 +140,24 @@ def test_where_steps_have_led_to_the_minimum_its_equations_end_it(name: str) -> 
     np.testing.assert_array_equal(again.state.points, exact.state.points)
 
 
+def test_a_damped_step_that_hardly_moves_is_no_minimum(monkeypatch) -> None:
+    problem, start = case_of("control")
+    structure = make_structure(problem, start.centres)
+    exact = find_minimum(problem, start, structure)
+    real, asked = gaussnewton.damped_step, []
+
+    def refused_once(*given):
+        asked.append(given[3])
+        return None if len(asked) == 1 else real(*given)
+
+    monkeypatch.setattr(gaussnewton, "damped_step", refused_once)
+    monkeypatch.setattr(gaussnewton, "LEFT", np.inf)  # as if any step hardly moved
+    found = find_minimum(problem, start, structure, led=3)
+    assert asked[0] == 0.0 < asked[1]
+    assert found.state is not start
+    np.testing.assert_allclose(found.state.points, exact.state.points, rtol=1e-3, atol=0.1)
+
+
 @pytest.mark.parametrize(
     ("control_sigma", "sigma_um", "shift", "height"),
     [(1e-7, 5000.0, 3.0, 100.0), (1e-9, 5000.0, 3.0, -200.0), (1e-9, 300.0, 0.1, 100.0)],

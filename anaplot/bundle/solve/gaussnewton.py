@@ -203,7 +203,8 @@ def find_minimum(
             if step is None:
                 step = damped_step(problem, structure, linear, damping, weights, progress)
             if step is not None:
-                if accepted == led > 0 and not problem.defect and _no_change(problem, step):
+                there = accepted == led > 0 and damping == 0.0 and not problem.defect
+                if there and _no_change(problem, step):
                     ended = Convergence(accepted, damped, first, value)
                     return Minimum(state, step.normal, step.factor, tie, ended)
                 trial = rescaled(problem, move(problem, state, *step.dx))
