@@ -202,11 +202,12 @@ class _Cluster:
             with self._asking():
                 self._client.wait_for_workers(1, timeout=self._of.patience)
                 try:
-                    # every worker keeps it, so that one that is lost does not take it along
-                    self._there = self._client.scatter(self._sent, broadcast=True, hash=False)
+                    # to one; those that need it get it from whoever has it. dask's copies for all
+                    # (`broadcast`) do not end where a worker is lost meanwhile
+                    self._there = self._client.scatter(self._sent, hash=False)
                     return
-                except OSError:
-                    # a worker that is lost just now breaks off the answer, not only the scheduler
+                except Exception:
+                    # so a worker that is lost just now shows itself, not only a lost scheduler
                     if not left:
                         raise
 

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import http.server
+import importlib
 import json
+import os
+import signal
 import socket
 import tempfile
 from collections.abc import Iterator
@@ -120,6 +123,34 @@ def test_the_share_of_a_lost_worker_is_done_again(tmp_path: Path) -> None:
             carry_out(deadly, range(6), 6, Cluster(address_of(there)), found.append)
 
 
+@pytest.mark.long
+@pytest.mark.slow
+@pytest.mark.timeout(120)
+@pytest.mark.parametrize("which", [0, 1])
+def test_a_worker_that_is_lost_while_the_work_is_handed_out_is_not_waited_for(
+    tmp_path: Path, which: int
+) -> None:
+    found: list[tuple[int, int]] = []
+    with cluster(2, processes=True) as there:
+        handlers = there.scheduler.handlers
+        hand_out = handlers["scatter"]
+
+        async def hand_out_and_lose(**given: Any) -> Any:
+            handlers["scatter"] = hand_out
+            sent_to = importlib.import_module("distributed.utils_comm")._round_robin_counter
+            sent_to[0] = 0  # the first by address; the other would have got a copy of it
+            address = sorted(there.scheduler.workers)[which]
+            (lost,) = (nanny for nanny in there.workers.values() if nanny.worker_address == address)
+            os.kill(lost.pid, signal.SIGKILL)
+            return await hand_out(**given)
+
+        handlers["scatter"] = hand_out_and_lose
+        work = Squares(str(tmp_path / "flag"))
+        carry_out(work, range(20), 20, Cluster(address_of(there)), found.append)
+        assert handlers["scatter"] is hand_out
+    assert sorted(found) == [(k, k * k) for k in range(20)]
+
+
 class Dask:
     """A client whose workers are threads of this process."""
 
@@ -142,22 +173,25 @@ class Dask:
 class Losing(Dask):
     """A client that loses a worker while it hands out what all need."""
 
-    def __init__(self, executor: Executor, times: int) -> None:
+    def __init__(self, executor: Executor, times: int, error: type[Exception] = OSError) -> None:
         super().__init__(executor)
-        self.times, self.asked = times, 0
+        self.times, self.error, self.asked = times, error, 0
 
     def scatter(self, sent: Any, **_: object) -> Any:
         self.asked += 1
         if self.asked <= self.times:
-            raise OSError("in <TCP (closed) ConnectionPool.scatter>: Stream is closed")
+            raise self.error("in <TCP (closed) ConnectionPool.scatter>: Stream is closed")
         return sent
 
 
+@pytest.mark.parametrize("error", [OSError, KeyError])  # of its line, and of the scheduler's list
 @pytest.mark.parametrize("times", [0, 1, REPEATS])
-def test_a_worker_that_is_lost_while_all_are_given_the_work_does_not_end_it(times: int) -> None:
+def test_a_worker_that_is_lost_while_it_is_given_the_work_does_not_end_it(
+    times: int, error: type[Exception]
+) -> None:
     work = Failing(-1)
     with ThreadPoolExecutor(1) as executor:
-        client = Losing(executor, times)
+        client = Losing(executor, times, error)
         there = _Cluster(Cluster("head:1"), client, work)
         assert client.asked == times + 1
         assert there.hand_out(3).result() == work.do(3)
