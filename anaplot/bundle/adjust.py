@@ -23,7 +23,7 @@ from anaplot.bundle.solve.openmovement import parameters_left_open
 from anaplot.bundle.solve.problem import Datum, Problem, make_problem
 from anaplot.bundle.solve.reliability import Cofactors, compute_cofactors
 from anaplot.bundle.solve.structure import make_structure
-from anaplot.bundle.start.bestminimum import best_minimum, check_held, fits, soft
+from anaplot.bundle.start.bestminimum import Ahead, best_minimum, check_held, fits, soft
 from anaplot.bundle.start.freenetwork import mirror_remark, unsolved_error
 from anaplot.bundle.start.halfrays import (
     half_seen,
@@ -134,7 +134,11 @@ def _looked_at_again(
 
 
 def adjust_problem(
-    problem: Problem, *, start: BlockState | None = None, progress: Progress | None = None
+    problem: Problem,
+    *,
+    start: BlockState | None = None,
+    ahead: Ahead | None = None,
+    progress: Progress | None = None,
 ) -> AdjustedBlock:
     """Adjust a bundle from nothing but its measurements.
 
@@ -148,6 +152,8 @@ def adjust_problem(
         The bundle.
     start
         Approximate values to begin with, without additional parameters, where there are any.
+    ahead
+        As `best_minimum` has it.
     progress
         Called with what is being done and the fraction of it.
 
@@ -161,7 +167,7 @@ def adjust_problem(
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             if start is None:
                 problem, start = points_settled(problem, progress=progress)
-            return _adjusted(problem, start, progress)
+            return _adjusted(problem, start, ahead, progress)
     except np.linalg.LinAlgError as error:
         raise NotComputableError(
             f"block {problem.block.name}: no approximate values found: the measurements "
@@ -170,10 +176,10 @@ def adjust_problem(
 
 
 def _adjusted(
-    problem: Problem, start: BlockState | None, progress: Progress | None
+    problem: Problem, start: BlockState | None, ahead: Ahead | None, progress: Progress | None
 ) -> AdjustedBlock:
     bare = problem.bare
-    found, robust, whole = best_minimum(bare, progress, problem, start)
+    found, robust, whole = best_minimum(bare, progress, problem, start, ahead)
     there = None if robust is None else robust.place
     if bare is problem:
         return evaluate(problem, found, robust=there, progress=progress)

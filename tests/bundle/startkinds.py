@@ -239,10 +239,12 @@ def _along(corner: np.ndarray, wall: np.ndarray, share: np.ndarray) -> np.ndarra
     return np.asarray(corner[wall] + (corner[wall + 1] - corner[wall]) * share[:, None])
 
 
-def with_mismatches(scene: Scene, rng: np.random.Generator, share: float) -> Scene:
-    """Some rays are of something else: they lie up to a tenth of c away."""
+def with_mismatches(
+    scene: Scene, rng: np.random.Generator, share: float, far: float = 0.1
+) -> Scene:
+    """Some rays are of something else: they lie up to `far`, of c, away."""
     rows = scene.block.image_points
-    most = 0.1 * scene.block.cameras[0].c
+    most = far * scene.block.cameras[0].c
     off = rng.uniform(-most, most, (len(rows), 2)) * (rng.random(len(rows)) < share)[:, None]
     moved = (
         replace(row, x=row.x + dx, y=row.y + dy)

@@ -203,7 +203,7 @@ def test_right_hand_sides_are_solved_for_in_portions_with_the_same_result(
         return solve(self, right, corner)
 
     monkeypatch.setattr(Factor, "solve", counted)
-    monkeypatch.setattr("anaplot.bundle.solve.normal._PORTION", 16 * normal.z[:, :, 0].size)
+    monkeypatch.setattr("anaplot.bundle.solve.eliminated._PORTION", 16 * normal.z[:, :, 0].size)
     parts = normal.solve(factor, *sides)
     assert max(widths) == 2
     assert sum(widths) == sides[0].shape[-1]

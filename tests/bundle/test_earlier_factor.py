@@ -9,6 +9,7 @@ import pytest
 from bundleblocks import aerial
 from conditionblocks import every_kind, flat_scene
 from gnssblocks import flown
+from startkinds import drone, measured
 
 from anaplot.bundle.solve import gaussnewton
 from anaplot.bundle.solve.additional import additional_parameters
@@ -18,8 +19,11 @@ from anaplot.bundle.solve.gaussnewton import (
     NoConvergenceError,
     _nearer,
     _Place,
+    _Using,
     damped_step,
+    equations_at,
     find_minimum,
+    led_by_factor,
 )
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.linearised import effect, linearise, rounding
@@ -195,10 +199,59 @@ def test_what_is_too_little_to_be_made_less_is_no_reason_to_go_on(away: bool) ->
     assert step is not None
     place = _Place(state, linear, linear.vtpv, 0)
     # a step before this one that changed as little: nothing has been gained
-    ended, steps, settled = _nearer(problem, step, place, 0, None)
+    using = _Using(step.normal, step.factor)
+    ended, steps, settled = _nearer(problem, structure, using, place, step.change, 0, None)
     assert ended is place
     assert steps == 0
     assert settled is not away
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("every", "sigmas"), [(397, 100.0), (397, 30.0), (101, 100.0)])
+def test_the_factor_without_some_rows_leads_to_the_minimum_with_them(
+    every: int, sigmas: float
+) -> None:
+    rng = np.random.default_rng(4)
+    scene = measured(replace(drone(rng, 1), share=1.0), rng)
+    whole = make_problem(scene.block)
+    start = scene.start(whole, rng, 1.0, 0.02)
+    structure = make_structure(whole, start.centres)
+    rejected = np.zeros((len(whole.photo), 2), dtype=bool)
+    rejected[::every, 0] = True
+    clean = find_minimum(replace(whole, rejected=rejected), start, structure)
+    # what is out may be wrong by much
+    off = sigmas * rng.normal(size=rejected.shape) * rejected
+    problem = replace(whole, xy=whole.xy + off * whole.sigma_xy)
+    exact = find_minimum(problem, clean.state, structure)
+    told: list[str] = []
+    state, steps = led_by_factor(
+        problem, structure, clean.state, clean.factor, lambda what, _: told.append(what)
+    )
+    assert 4 <= steps <= 30
+    assert told[:2] == ["iteration 1", "iteration 2"]
+    found = find_minimum(problem, state, structure, led=steps)
+    assert found.convergence.iterations == steps  # its first equations are those of the minimum
+    np.testing.assert_allclose(found.convergence.last, exact.convergence.last, rtol=1e-11)
+    for of in ("centres", "rotations", "points"):
+        np.testing.assert_allclose(
+            getattr(found.state, of), getattr(exact.state, of), rtol=1e-9, atol=2e-8
+        )
+
+
+def test_a_factor_that_leads_nowhere_is_left_alone() -> None:
+    problem, start = case_of("control")
+    structure = make_structure(problem, start.centres)
+    found = find_minimum(problem, start, structure)
+    # a hundredth of the weights: steps of a hundred times the length
+    weak = replace(problem, sigma=10.0 * problem.sigma)
+    _, factor, _ = equations_at(weak, structure, found.state)
+    assert led_by_factor(problem, structure, start, factor) == (start, 0)
+    free, there = case_of("free")
+    held = equations_at(free, structure, there)
+    assert led_by_factor(free, structure, there, held[1]) == (there, 0)
+    # points whose rays do not meet
+    flat = replace(start, centres=np.zeros_like(start.centres))
+    assert led_by_factor(problem, structure, flat, found.factor) == (flat, 0)
 
 
 def test_steps_with_an_earlier_factor_are_told_and_counted(monkeypatch) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,9 +11,12 @@ from bundleblocks import Scene
 from startkinds import drone, measured, with_mismatches
 
 from anaplot.bundle.adjust import adjust_problem
+from anaplot.bundle.errors import misfits
+from anaplot.bundle.errors.before import deviations_of
+from anaplot.bundle.errors.grosserrors import block_gross_errors
 from anaplot.bundle.errors.misfits import minimum_without_misfits
 from anaplot.bundle.solve import somepoints
-from anaplot.bundle.solve.gaussnewton import Step, damped_step
+from anaplot.bundle.solve.gaussnewton import Step, damped_step, led_by_factor
 from anaplot.bundle.solve.imaging import BlockState, RobustPlace
 from anaplot.bundle.solve.linearised import linearise
 from anaplot.bundle.solve.problem import Problem, make_problem
@@ -188,3 +192,55 @@ def test_the_minimum_is_the_same(mismatches: float, monkeypatch: pytest.MonkeyPa
         assert first is not None
         assert second is not None
         np.testing.assert_array_equal(first[0].rejected, second[0].rejected)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("few")
+@pytest.mark.parametrize("strategy", ["search", "baarda"])
+def test_a_torn_block_is_reached_through_that_without_its_errors(
+    strategy: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    block = with_mismatches(scene(), np.random.default_rng(4), 0.003, 0.05).block
+    led: list[int] = []
+
+    def counted(*given: Any) -> Any:
+        state, steps = led_by_factor(*given)
+        led.append(steps)
+        return state, steps
+
+    monkeypatch.setattr(misfits, "led_by_factor", counted)
+    through = block_gross_errors(block, strategy)
+    assert led
+    assert led[0] > 4
+    # equations of its own are those of the minimum, and it is told of, though they are let go of
+    assert through.begun.block.convergence.iterations == led[0]
+    assert through.begun.block.kept is None
+
+    def not_known(*_: Any) -> None:
+        if strategy == "search":
+            raise np.linalg.LinAlgError
+
+    monkeypatch.setattr(misfits.WithoutFirst, "__call__", not_known)
+    straight = block_gross_errors(block, strategy)
+    assert straight.first is not None
+    assert through.first is not None
+    assert straight.first.sigma0 > 4.0
+    for of in ("vtpv", "v", "r", "deviations"):
+        np.testing.assert_allclose(
+            getattr(through.first, of), getattr(straight.first, of), rtol=1e-7, atol=1e-7
+        )
+    assert through.rejected == straight.rejected
+    assert through.block.warnings == straight.block.warnings
+    np.testing.assert_allclose(through.block.vtpv, straight.block.vtpv, rtol=1e-11)
+    change, other = through.point_change, straight.point_change
+    assert change is not None
+    assert other is not None
+    assert (change.point, change.axis) == (other.point, other.axis)
+    assert change.sigma == pytest.approx(other.sigma)
+    assert (change.change, *change.rms) == pytest.approx((other.change, *other.rms))
+    # made anew, it is the same
+    again = through.first.whole()
+    assert again.vtpv == pytest.approx(through.first.vtpv, rel=1e-12)
+    np.testing.assert_allclose(again.cofactors.r, through.first.r, atol=1e-12)
+    np.testing.assert_allclose(deviations_of(again), through.first.deviations, rtol=1e-9)
+    assert again.warnings == through.first.warnings

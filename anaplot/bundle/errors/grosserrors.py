@@ -36,14 +36,15 @@ from anaplot.adjustment.scale import (
 from anaplot.adjustment.significance import critical_normal
 from anaplot.adjustment.strategies import STRATEGIES
 from anaplot.adjustment.watch import Watch
-from anaplot.aliases import Array
 from anaplot.bundle.adjust import evaluate, points_settled
+from anaplot.bundle.errors.before import BlockBefore, deviations_of
 from anaplot.bundle.errors.blockrows import BlockPlace, BlockRows
 from anaplot.bundle.errors.controlagreed import agreed_places, contradicted, doubtful
 from anaplot.bundle.errors.laterresiduals import AllRows
 from anaplot.bundle.errors.leftout import missing
 from anaplot.bundle.errors.misfits import (
     PartialAdjustment,
+    WithoutFirst,
     adjust_without_misfits,
     minimum_without_misfits,
     mismatched,
@@ -58,6 +59,7 @@ from anaplot.bundle.errors.photosofrejected import (
 )
 from anaplot.bundle.imagesigma import doubt_of
 from anaplot.bundle.solve.adjusted import AdjustedBlock
+from anaplot.bundle.solve.gaussnewton import Minimum
 from anaplot.bundle.solve.imaging import BlockState, RobustPlace
 from anaplot.bundle.solve.linearised import counted_misclosures
 from anaplot.bundle.solve.observations import ObservationName
@@ -117,7 +119,7 @@ class BlockFindings(Cleaned[BlockPlace, ObservationName, AllRows]):
     """
 
     block: AdjustedBlock
-    begun: PartialAdjustment
+    begun: Begun
     settings: SearchSettings
     held: frozenset[ObservationName] = frozenset()
     misnamed: tuple[MisnamedRay, ...] = ()
@@ -131,7 +133,7 @@ class BlockFindings(Cleaned[BlockPlace, ObservationName, AllRows]):
         return self.end.held - self.held
 
     @property
-    def first(self) -> AdjustedBlock | None:
+    def first(self) -> BlockBefore | None:
         """Adjusted with all observations but those held; None where that has no solution."""
         return None if self.begun.reason else self.begun.block
 
@@ -165,7 +167,7 @@ class BlockFindings(Cleaned[BlockPlace, ObservationName, AllRows]):
             names,
             before.points[old],
             after.points[new] + (after.origin - before.origin),
-            (_deviations(self.first)[old], _deviations(self.block)[new]),
+            (self.first.deviations[old], deviations_of(self.block)[new]),
         )
 
     @property
@@ -220,10 +222,13 @@ class BlockFindings(Cleaned[BlockPlace, ObservationName, AllRows]):
         return self.taken_back
 
 
-def _deviations(block: AdjustedBlock) -> Array:
-    """(n, 3) standard deviations of the points [m], a-priori sigma0."""
-    variances = np.einsum("nii->ni", block.cofactors.points)
-    return np.asarray(np.sqrt(np.maximum(variances, 0.0)))
+class Begun(NamedTuple):
+    """What a search for gross errors began with; see `PartialAdjustment`."""
+
+    block: BlockBefore
+    left_out: tuple[ObservationName, ...]
+    reason: str
+    points: tuple[str, ...]
 
 
 def block_gross_errors(
@@ -291,15 +296,19 @@ def block_gross_errors(
             raise InputError(
                 f"block {problem.block.name}: {what} of {n} observations: at most {most}"
             )
-    begun = (
-        PartialAdjustment(block, (), "")
-        if isinstance(block, AdjustedBlock)
-        else adjust_without_misfits(problem, start=start, progress=watch)
-    )
-    first = begun.block
-    if begun.points:
-        problem = without_points(problem, begun.points, FAR_APART)
-    second = _second_place(problem.every, first)
+    way = WithoutFirst(_NEAR)
+    # else the second place is not that of this way
+    ahead = way if problem.bare is problem and not problem.newly_rejected.any() else None
+    if isinstance(block, AdjustedBlock):
+        least = PartialAdjustment(block, (), "")
+    else:
+        least = adjust_without_misfits(problem, start=start, ahead=ahead, progress=watch)
+    if least.points:
+        problem = without_points(problem, least.points, FAR_APART)
+    second = _second_place(problem.every, least.block, way)
+    first = BlockBefore.of(least.block, keep=second is None)
+    begun = Begun(first, *least[1:])
+    del least  # as large as the block
     if second is not None and second.points:
         problem = without_points(problem, second.points, FAR_APART)
     every = problem.every
@@ -313,10 +322,10 @@ def block_gross_errors(
     complete = same and not begun.left_out and (control_only or not problem.newly_rejected.any())
     subject = BlockRows(
         every,
-        first.cofactors.normal.structure if same else make_structure(every, first.state.centres),
+        first.structure if same else make_structure(every, first.state.centres),
         watch,
         control_only=control_only,
-        first=first if whole else None,
+        first=first.kept if whole else None,
     )
     cleaning = Cleaning(subject, strategy, used, watch, as_given)
     told = [remark for remark in first.warnings if remark.startswith(MIRRORED)]
@@ -330,8 +339,10 @@ def block_gross_errors(
         if mirrored is None:
             raise
         raise ScaleError(f"{error.doubt}; but {mirrored}") from error
-    cleaned, found = first, end.solved.solution.found
-    if found is not None:
+    found = end.solved.solution.found
+    if found is None:
+        cleaned = first.whole()
+    else:
         # at scale they are known from the last pass
         known = vars(end.solved.solution).get("cofactors")
         cleaned = evaluate(subject.problem_without(end.out), found, cofactors=known)
@@ -361,7 +372,7 @@ _Names = frozenset[ObservationName]
 _Solved = SolvedWithout[BlockPlace, ObservationName]
 
 
-def _check_common_scale(subject: BlockRows, first: AdjustedBlock, alpha: float) -> None:
+def _check_common_scale(subject: BlockRows, first: BlockBefore, alpha: float) -> None:
     """Complain, before anything is rejected, where nearly all residuals are off alike.
 
     Raises
@@ -369,7 +380,7 @@ def _check_common_scale(subject: BlockRows, first: AdjustedBlock, alpha: float) 
     ScaleError
         They are.
     """
-    v, r = first.v, first.cofactors.r
+    v, r = first.v, first.r
     doubt = doubt_of(v, r, subject.apriori.value)
     if doubt is not None:
         largest = float((np.abs(v[r > WEAK]) / np.sqrt(r[r > WEAK])).max())
@@ -377,7 +388,7 @@ def _check_common_scale(subject: BlockRows, first: AdjustedBlock, alpha: float) 
 
 
 def _check_scale_at(
-    subject: BlockRows, state: BlockState, first: AdjustedBlock, alpha: float
+    subject: BlockRows, state: BlockState, first: BlockBefore, alpha: float
 ) -> None:
     """Complain where most residuals at a robust state are too large: no few errors make them so.
 
@@ -388,7 +399,7 @@ def _check_scale_at(
     """
     problem = subject.problem
     out = problem.redundancy - first.redundancy
-    if out + float(first.cofactors.r.sum()) < LEAST_REDUNDANCY:
+    if out + float(first.r.sum()) < LEAST_REDUNDANCY:
         return
     e = np.abs(counted_misclosures(problem, state)[0])
     e = e.ravel() if problem.off is None else e[~problem.off]
@@ -396,7 +407,7 @@ def _check_scale_at(
     root = sqrt(problem.redundancy / problem.observations)
     scale = robust_scale(e / root, np.ones(len(e)))
     if scale is not None and scale > LARGEST:
-        r = first.cofactors.r
+        r = first.r
         w = np.abs(first.v[r > WEAK]) / np.sqrt(r[r > WEAK])
         raise scale_error(subject.apriori, scale, float(w.max()) / critical_normal(alpha))
 
@@ -409,10 +420,16 @@ class _Second(NamedTuple):
     points: tuple[str, ...]
 
 
-def _second_place(problem: Problem, first: AdjustedBlock) -> _Second | None:
-    """Return a robust place where the first adjustment is torn; None where there is none."""
+def _second_place(problem: Problem, first: AdjustedBlock, way: WithoutFirst) -> _Second | None:
+    """Return a robust place where the first adjustment is torn; None where there is none.
+
+    `way`: by which that was reached, if it was.
+    """
+    known, way.found = way.found, None
     if first.sigma0 is None or first.sigma0 <= _TORN:
         return None
+    if known is not None and first.robust is not None and first.robust.state is known[0].state:
+        return _second(problem, known[1:])
     structure = first.cofactors.normal.structure
     start = RobustPlace(first.state) if first.robust is None else first.robust
     if first.problem.newly_rejected.any():
@@ -425,13 +442,17 @@ def _second_place(problem: Problem, first: AdjustedBlock) -> _Second | None:
             return _Second(first.problem, BlockPlace(there), ())
     except np.linalg.LinAlgError:
         return None
+    return _second(problem, least)
+
+
+def _second(problem: Problem, least: tuple[Problem, Minimum]) -> _Second:
     return _Second(least[0], BlockPlace.of(least[1]), points_gone(problem, least[0]))
 
 
 def _best_end(
     cleaning: Cleaning[BlockPlace, ObservationName, AllRows],
     subject: BlockRows,
-    first: AdjustedBlock,
+    first: BlockBefore,
     second: _Second | None,
     held: _Names,
     *,

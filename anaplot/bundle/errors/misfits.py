@@ -18,7 +18,12 @@ from anaplot.bundle.errors.controlagreed import agreed_places
 from anaplot.bundle.errors.leftout import missing, with_rows_of
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.datum import anchor, check_datum
-from anaplot.bundle.solve.gaussnewton import Minimum, NoConvergenceError, find_minimum
+from anaplot.bundle.solve.gaussnewton import (
+    Minimum,
+    NoConvergenceError,
+    find_minimum,
+    led_by_factor,
+)
 from anaplot.bundle.solve.imaging import BlockState, RobustPlace
 from anaplot.bundle.solve.linearised import counted_misclosures, linearise
 from anaplot.bundle.solve.normal import NormalEquations, PointError
@@ -27,14 +32,15 @@ from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.remade import among_points, without_points
 from anaplot.bundle.solve.selection import FAR_APART
 from anaplot.bundle.solve.structure import Structure, make_structure
-from anaplot.bundle.start.bestminimum import fits
+from anaplot.bundle.start.bestminimum import Ahead, fits
 from anaplot.bundle.start.halfrays import met_planes
 from anaplot.bundle.start.pointknowledge import WIDE, equations_knowing
-from anaplot.bundle.start.robust import FarOff, far_off
+from anaplot.bundle.start.robust import FarOff, RobustState, far_off
 from anaplot.errors import NotComputableError
 
 __all__ = [
     "PartialAdjustment",
+    "WithoutFirst",
     "adjust_without_misfits",
     "minimum_without_misfits",
     "mismatched",
@@ -71,8 +77,49 @@ class PartialAdjustment(NamedTuple):
     points: tuple[str, ...] = ()
 
 
+class WithoutFirst:
+    """The way to a torn minimum through that without what is far off; see `best_minimum`.
+
+    Of a large block with few wrong rays the photos' equations are nearly the same with and without
+    them.
+
+    Parameters
+    ----------
+    enough
+        As `find_minimum` has it, of the minimum without them.
+
+    Attributes
+    ----------
+    found
+        The robust solution from which the way was last taken, the bundle without what is far off,
+        and its minimum; None: it was not taken.
+    """
+
+    def __init__(self, enough: float) -> None:
+        self._enough = enough
+        self.found: tuple[RobustState, Problem, Minimum] | None = None
+
+    def __call__(
+        self, problem: Problem, structure: Structure, solution: RobustState
+    ) -> tuple[BlockState, int] | None:
+        """Return where the minimum is, or nearly, and how many steps lead there; or None."""
+        self.found = None
+        if not solution.explains(problem):
+            return None
+        place = solution.place
+        least = minimum_without_misfits(problem, structure, place, enough=self._enough)
+        if least is None or least[1].normal.structure is not structure:
+            return None
+        self.found = solution, *least
+        return led_by_factor(problem, structure, least[1].state, least[1].factor)
+
+
 def adjust_without_misfits(
-    problem: Problem, *, start: BlockState | None = None, progress: Progress | None = None
+    problem: Problem,
+    *,
+    start: BlockState | None = None,
+    ahead: Ahead | None = None,
+    progress: Progress | None = None,
 ) -> PartialAdjustment:
     """Adjust a bundle; where no minimum is found, without the observations that fit nowhere.
 
@@ -82,6 +129,8 @@ def adjust_without_misfits(
         The bundle.
     start
         Approximate values, as `adjust_problem` has them.
+    ahead
+        As `best_minimum` has it.
     progress
         Called with what is being done and the fraction of it.
 
@@ -94,7 +143,7 @@ def adjust_without_misfits(
     if start is None:
         problem, start = points_settled(problem, progress=progress)
     try:
-        block = adjust_problem(problem, start=start, progress=progress)
+        block = adjust_problem(problem, start=start, ahead=ahead, progress=progress)
         return PartialAdjustment(block, (), "")
     except NoConvergenceError as error:
         failure, start = error, error.state

@@ -9,6 +9,7 @@ import numpy as np
 
 from anaplot.aliases import Array, Progress
 from anaplot.bundle.solve.datum import Anchor, anchor, relocate, rescaled
+from anaplot.bundle.solve.eliminated import EliminatedPoints, eliminate
 from anaplot.bundle.solve.factor import Factor, NotPositiveError
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.linearised import (
@@ -25,6 +26,7 @@ from anaplot.bundle.solve.offsetequations import OffsetsOpenError
 from anaplot.bundle.solve.openmovement import undetermined
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.reintersect import reintersected
+from anaplot.bundle.solve.rightsides import right_sides
 from anaplot.bundle.solve.structure import Structure
 from anaplot.errors import NotComputableError
 
@@ -38,6 +40,7 @@ __all__ = [
     "damped_step",
     "equations_at",
     "find_minimum",
+    "led_by_factor",
 ]
 
 
@@ -48,6 +51,7 @@ MAX_ITERATIONS = 200
 _CONVERGED = 1e-13  # of n: squared change of the whitened residuals in the last step
 _CLOSE = 10.0  # of n: the same of a full step whose factor may serve again
 _NEARER = 5e-3  # of the change before: where more is left, an earlier factor serves no longer
+_WORTH = 10  # steps with an earlier factor that cost as much as equations and their factor
 _LEAST = 1e-9  # damping below which there is none
 _FADE = 0.1  # of the damping is left, at least, after a step as good as foreseen
 _STRAINED = 0.25  # of what was foreseen: a step that brings less has strained the points
@@ -99,6 +103,12 @@ class _Place(NamedTuple):
     linear: Linearised
     value: float
     behind: int
+
+
+def _place_at(problem: Problem, state: BlockState) -> _Place:
+    """Return a state as a place of the search."""
+    linear = linearise(problem, state)
+    return _Place(state, linear, linear.vtpv, int((linear.depth <= 0.0).sum()))
 
 
 class Step(NamedTuple):
@@ -239,8 +249,14 @@ def find_minimum(
                 return Minimum(state, step.normal, step.factor, tie, ended)
             linear = linearise(problem, state)
             if not settled and damping == 0.0 and step.change <= _CLOSE * problem.observations:
+                here, using = (
+                    [_Place(state, linear, value, behind)],
+                    _Using(step.normal, step.factor),
+                )
+                del linear  # its memory, before there are others
+                # popped, so that it is let go of as soon as there is another
                 (state, linear, value, behind), steps, settled = _nearer(
-                    problem, step, _Place(state, linear, value, behind), accepted, progress
+                    problem, structure, using, here.pop(), step.change, accepted, progress
                 )
                 accepted, again = accepted + steps, again + steps
         if settled:
@@ -282,42 +298,106 @@ def _slack(value: float, noise: float) -> float:
     return 2.0 * sqrt(value * noise) + noise
 
 
+class _Using(NamedTuple):
+    """Equations with which steps are solved for, and the factor of those of the photos."""
+
+    equations: NormalEquations | EliminatedPoints
+    factor: Factor
+
+
 def _nearer(
-    problem: Problem, step: Step, place: _Place, accepted: int, progress: Progress | None
+    problem: Problem,
+    structure: Structure,
+    using: _Using,
+    place: _Place,
+    change: float,
+    accepted: int,
+    progress: Progress | None,
+    *,
+    most: int = 0,
 ) -> tuple[_Place, int, bool]:
-    """Go nearer to the minimum with the factor of an earlier step (the simplified Newton method).
+    """Go nearer to the minimum with an earlier factor (the simplified Newton method).
 
     As long as each step leaves little of what the one before has left (Deuflhard 2004, sect.
-    2.1.2); the gradient is that of where it begins, so that it is the same minimum.
+    2.1.2), or as many as `most` more of the kind would reach the end; the gradient is that of where
+    it begins, so that it is the same minimum. `change` is that of the step before; infinite where
+    there was none.
 
     Returns
     -------
     place, int and bool
         Where that ends, the steps, and whether it seems to be the minimum.
     """
-    change, steps = step.change, 0
+    steps, left = 0, LEFT * problem.observations
     while place.linear.conditions is None and accepted + steps < MAX_ITERATIONS:
         if progress is not None:
             progress(f"iteration {accepted + steps + 1}", 0.0)
         # what holds exactly would need its multipliers at the minimum
         state, linear, value, behind = place
-        sides = step.normal.gradient(linear, linear)
-        dx = step.normal.solution(step.factor, sides)
+        sides = right_sides(problem, structure, linear, linear)
+        dx = using.equations.solution(using.factor, sides)
         before, change = change, change_of(sides, dx)
-        if not change <= _NEARER * before:
+        quick = change <= _NEARER * before
+        if not quick and (change <= left or not change * (change / before) ** most <= left):
             # what is left may be too little to be made less
-            return place, steps, change <= LEFT * problem.observations
+            return place, steps, change <= left
         noise = rounding(problem, state, linear.depth)
         trial = rescaled(problem, move(problem, state, *dx))
-        there = linearise(problem, trial)
-        new = _Place(trial, there, there.vtpv, int((there.depth <= 0.0).sum()))
-        if not (new.value <= value + _slack(value, noise) and new.behind <= behind):
-            break
-        place, steps = new, steps + 1
-        if change**2 <= before * noise:
+        del place, linear  # their memory, before there are others
+        place = _place_at(problem, trial)
+        if not (place.value <= value + _slack(value, noise) and place.behind <= behind):
+            return _place_at(problem, state), steps, False
+        steps += 1
+        if before < float("inf") and change**2 <= before * noise:
             # what is left, as far as this factor can tell, is rounding
             return place, steps, True
     return place, steps, False
+
+
+def led_by_factor(
+    problem: Problem,
+    structure: Structure,
+    start: BlockState,
+    factor: Factor,
+    progress: Progress | None = None,
+) -> tuple[BlockState, int]:
+    """Go nearer to a minimum with the factor of the photos' equations of nearly the same bundle.
+
+    Of one without some of the rows, where these are few of every photo's; the points have all of
+    theirs. `find_minimum` goes on from there.
+
+    Parameters
+    ----------
+    problem, structure, start
+        The bundle, the structure of its normal equations, and where it begins.
+    factor
+        Of normal equations of the same structure.
+    progress
+        Called with what is being done and the fraction of it.
+
+    Returns
+    -------
+    State and int
+        Where that ends, and how many steps lead there: none where the first leads upwards, or where
+        the datum hangs on where it begins.
+    """
+    here = [_place_at(problem, rescaled(problem, start))]
+    if problem.defect or not here[0].value < float("inf"):
+        return start, 0
+    steps = 0
+    # once more where the first steps, which move the points that are wrong farthest, have led
+    for most in (0, _WORTH):
+        try:
+            using = _Using(eliminate(problem, structure, here[0].linear)[0], factor)
+        except PointError:
+            break
+        there, more, ended = _nearer(
+            problem, structure, using, here.pop(), float("inf"), steps, progress, most=most
+        )
+        here, steps = [there], steps + more
+        if ended or not more:
+            break
+    return here[0].state if steps else start, steps
 
 
 def _ended(problem: Problem, value: float, steps: int) -> str:

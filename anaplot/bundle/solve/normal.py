@@ -21,18 +21,19 @@ from scipy.sparse import csr_matrix
 
 from anaplot.aliases import Array, Index
 from anaplot.bundle.solve.conditionupdate import ConditionUpdate
+from anaplot.bundle.solve.eliminated import border_columns, eliminate, of_one_side
 from anaplot.bundle.solve.factor import Factor
 from anaplot.bundle.solve.givenequations import GivenUpdate
 from anaplot.bundle.solve.linearised import Linearised, Unknowns
 from anaplot.bundle.solve.offsetequations import OffsetCofactors, OffsetUpdate
-from anaplot.bundle.solve.pointroots import PointError, inverse_roots
+from anaplot.bundle.solve.pointroots import PointError
 from anaplot.bundle.solve.problem import Problem
-from anaplot.bundle.solve.structure import Piece, Structure
+from anaplot.bundle.solve.rightsides import right_sides
+from anaplot.bundle.solve.structure import Structure
 
 __all__ = ["NormalEquations", "PointError"]
 
 _AT_ONCE = 16384  # rays of photos that are laid together at a time
-_PORTION = 300_000_000  # bytes of the largest array while right-hand sides are solved for
 
 
 class NormalEquations:
@@ -84,17 +85,13 @@ class NormalEquations:
         self._given: GivenUpdate | None = None
         self._offsets: OffsetUpdate | None = None
         d, g = problem.per_photo, problem.in_border
-        n, m = len(problem.photos), len(problem.photo)
-        a, b, h = linear.a, linear.b, linear.h
-        q = h.shape[2]
+        n = len(problem.photos)
+        a, h = linear.a, linear.h
         grow = 1.0 + damping
         blocks = np.zeros((len(structure.pattern.rows), d, d))
-        at = a.transpose(0, 2, 1)
         own = np.matmul(linear.photo_rows.transpose(0, 2, 1), linear.photo_rows)
-        point_weight = linear.point_weight.sum(axis=0)
         if linear.given is not None:
             own += linear.given.held_photos(d)
-            point_weight = point_weight + linear.given.held_points(point_weight.shape)
         diagonal = np.einsum("nii->ni", own)
         diagonal[:, 6:] += linear.own_weight
         if damping or anchor is not None:
@@ -103,49 +100,28 @@ class NormalEquations:
         self.border = np.zeros((n, d, g))
         self.corner = np.zeros((g, g))
         self.corner_scale = np.zeros(g)
-        self.z = np.empty((m, d, 3))
-        of_points = np.empty((m, 2, 3))  # B L^-T
-        self.inverse_root = np.empty((len(problem.points), 3, 3))
-        self.t = np.zeros((len(problem.points), 3, g))
         if g:
-            self._border_of_rays(at, h)
+            self._border_of_rays(a.transpose(0, 2, 1), h)
             corner_diagonal = np.einsum("ii->i", self.corner)
             corner_diagonal += linear.shared_weight
             if problem.additional_still is not None:
                 corner_diagonal[problem.additional_still.ravel()] = 1.0
             corner_diagonal *= grow
             self.corner_scale = corner_diagonal.copy()
-        for piece in structure.pieces:
-            k, count = piece.group.rays, piece.stop - piece.start
-            rays, points = piece.rays, piece.points
-            bp = b[rays]
-            stacked = bp.reshape(count, 2 * k, 3)
-            fixed = problem.fixed[points]
-            try:
-                root = inverse_roots(stacked, point_weight[points], grow, fixed)
-            except PointError as error:
-                raise PointError(error.points + points.start) from None
-            self.inverse_root[points] = root
-            scaled = of_points[rays]
-            np.matmul(stacked, root.transpose(0, 2, 1), out=scaled.reshape(count, 2 * k, 3))
-            z = np.matmul(at[rays], scaled, out=self.z[rays])
-            if g:
-                self._border_of_points(piece, scaled, z, h, q)
+        self.eliminated, of_points = eliminate(problem, structure, linear, grow)
+        self.inverse_root, self.z = self.eliminated.inverse_root, self.eliminated.z
+        self.t = self.eliminated.t
+        if g:
+            self._border_of_points()
         _add_own(own, a, of_points, structure.by_photo)
         del of_points
         blocks[structure.pattern.diagonal] = own
-        room = np.empty(
-            d**2 * max((len(one.of.photos) for one in structure.clusters), default=0) ** 2
-        )
-        for cluster in structure.clusters:
-            cluster.take(blocks, self.z, room)
+        structure.take(blocks, self.z)
         self.blocks = blocks
 
     def border_columns(self, group: Index) -> Index:
         """(rays, q) columns of the border that rays of these groups touch."""
-        q = self.linear.h.shape[2]
-        out: Index = group[:, None] * q + np.arange(q)
-        return out
+        return border_columns(group, self.linear.h.shape[2])
 
     def seen(
         self, photos: Array, points: Array, shared: Array, rays: Index | slice = slice(None)
@@ -183,27 +159,16 @@ class NormalEquations:
             product = np.matmul(at[mine], hk).reshape(len(columns), -1)
             self.border[:, :, part] += (sums @ product).reshape(len(self.border), -1, q)
 
-    def _border_of_points(self, piece: Piece, scaled: Array, z: Array, h: Array, q: int) -> None:
+    def _border_of_points(self) -> None:
         """Subtract Z T and T'T."""
-        problem = self.problem
-        count, k = piece.stop - piece.start, piece.group.rays
-        d, g = z.shape[1], self.corner.shape[0]
-        each = np.matmul(scaled.transpose(0, 2, 1), h[piece.rays]).reshape(count, k, 3, q)
-        group = problem.additional_group[piece.rays].reshape(count, k)
-        t = self.t[piece.points]
-        if g == q:
-            t += each.sum(axis=1)
-        else:
-            for ray in range(k):
-                columns = self.border_columns(group[:, ray])
-                t[np.arange(count)[:, None, None], np.arange(3)[:, None], columns[:, None, :]] += (
-                    each[:, ray]
-                )
-        flat = t.reshape(-1, g)
-        self.corner -= flat.T @ flat
-        zt = np.matmul(z.reshape(count, k * d, 3), t).reshape(count * k, d * g)
-        sums = self.structure.by_photo[:, piece.rays]
-        self.border -= (sums @ zt).reshape(self.border.shape)
+        d, g = self.z.shape[1], self.corner.shape[0]
+        for piece, z in self.structure.by_points(self.z):
+            t = self.t[piece.points]
+            flat = t.reshape(-1, g)
+            self.corner -= flat.T @ flat
+            zt = np.matmul(z, t).reshape(-1, d * g)
+            sums = self.structure.by_photo[:, piece.rays]
+            self.border -= (sums @ zt).reshape(self.border.shape)
 
     def factor(self, progress: Callable[[float], None] | None = None) -> Factor:
         """Factorise; raises NotPositiveError."""
@@ -231,32 +196,8 @@ class NormalEquations:
         rows
             Where the derivatives come from; None: from the state of the matrix itself.
         """
-        problem, mine = self.problem, self.linear if rows is None else rows
-        ae = np.einsum("mij,mi->mj", mine.a, other.e)
-        photos = -(self.structure.by_photo @ ae)
-        photo_e = other.photo_e
-        if mine.offsets is not None and other.offsets is not None:
-            photo_e = mine.offsets.without(photo_e, other.offsets.e)[0]
-        photos -= np.einsum("nij,ni->nj", mine.photo_rows, photo_e)
-        photos[:, 6:] -= np.sqrt(mine.own_weight) * other.own_e
-        be = np.einsum("mij,mi->mj", mine.b, other.e)
-        points = np.empty((len(problem.points), 3))
-        for group in problem.groups:
-            mine_be = be[group.ray_slice].reshape(group.points, group.rays, 3)
-            points[group.point_slice] = -mine_be.sum(axis=1)
-        points -= (np.sqrt(mine.point_weight) * other.point_e).sum(axis=0)
-        shared = -np.sqrt(mine.shared_weight) * other.shared_e
-        if len(shared):
-            he = np.einsum("mij,mi->mj", mine.h, other.e)
-            columns = self.border_columns(problem.additional_group)
-            shared -= np.bincount(columns.ravel(), he.ravel(), minlength=len(shared))
-        if mine.given is not None and other.given is not None:
-            at_photos, at_points = mine.given.sides(
-                mine.given.prior.weight @ other.given.misclosure
-            )
-            photos -= at_photos.reshape(photos.shape)
-            points -= at_points.reshape(points.shape)
-        return photos, points, shared
+        mine = self.linear if rows is None else rows
+        return right_sides(self.problem, self.structure, mine, other)
 
     def update(self, factor: Factor) -> ConditionUpdate | None:
         """Return what the conditions between points change of solutions; None without any.
@@ -299,9 +240,7 @@ class NormalEquations:
 
         Without what conditions between points ask for.
         """
-        photos, points, shared = sides
-        out = self._solve(factor, photos[:, :, None], points[:, :, None], shared[:, None])
-        return out[0][:, :, 0], out[1][:, :, 0], out[2][:, 0]
+        return of_one_side(lambda *one: self._solve(factor, *one), sides)
 
     def conditions_left(self, factor: Factor) -> Array:
         """Return (n,) misclosures of the conditions' rows after that step, in sigmas."""
@@ -353,7 +292,7 @@ class NormalEquations:
             sides = equations.sides(self.linear.photo_rows)
             q = sides.shape[2]
             others = np.zeros((len(self.problem.points), 3, q)), np.zeros((len(self.corner), q))
-            gain = self._solve_bare(factor, sides, *others)
+            gain = self.eliminated.solve(factor, sides, *others)
             self._offsets = OffsetUpdate.of(equations, sides, gain)
         return self._offsets
 
@@ -396,43 +335,9 @@ class NormalEquations:
 
     def _solve_free(self, factor: Factor, photos: Array, points: Array, shared: Array) -> Unknowns:
         """Solve for this matrix with offsets of the photos' priors."""
-        out = self._solve_bare(factor, photos, points, shared)
+        out = self.eliminated.solve(factor, photos, points, shared)
         offsets = self.offset_update(factor)
         return out if offsets is None else offsets.applied(out)
-
-    def _solve_bare(self, factor: Factor, photos: Array, points: Array, shared: Array) -> Unknowns:
-        """Solve for this matrix itself, in portions."""
-        count = photos.shape[2]
-        # the largest array has a value per ray, unknown of its photo, and right-hand side
-        step = max(1, _PORTION // (8 * self.z.shape[0] * self.z.shape[1]))
-        if count <= step:
-            return self._portion(factor, photos, points, shared)
-        found = []
-        for k in range(0, count, step):
-            mine = slice(k, k + step)
-            sides = photos[:, :, mine], points[:, :, mine], shared[:, mine]
-            found.append(self._portion(factor, *sides))
-        x, p, s = (np.concatenate([part[k] for part in found], axis=-1) for k in range(3))
-        return x, p, s
-
-    def _portion(self, factor: Factor, photos: Array, points: Array, shared: Array) -> Unknowns:
-        (m, d, _), k = self.z.shape, photos.shape[2]
-        y = np.matmul(self.inverse_root, points)
-        right = photos
-        if y.any():
-            zy = np.empty((m, d * k))
-            for piece, z in self.structure.by_points(self.z):
-                np.matmul(z, y[piece.points], out=zy[piece.rays].reshape(len(z), -1, k))
-            right = photos - (self.structure.by_photo @ zy).reshape(photos.shape)
-        corner = shared - np.einsum("pig,pik->gk", self.t, y) if len(shared) else shared
-        x, s = factor.solve(right, corner)
-        for piece, z in self.structure.by_points(self.z):
-            # Z' x of all rays of a point at once
-            moved = x.take(self.problem.photo[piece.rays], axis=0).reshape(len(z), -1, k)
-            y[piece.points] -= np.matmul(z.transpose(0, 2, 1), moved)
-        if len(shared):
-            y -= np.matmul(self.t, s)
-        return x, np.matmul(self.inverse_root.transpose(0, 2, 1), y), s
 
 
 def _add_own(own: Array, a: Array, of_points: Array, by_photo: csr_matrix) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -36,7 +37,12 @@ from anaplot.bundle.start.settling import settled
 from anaplot.bundle.start.stated import led_from_stated
 from anaplot.errors import NotComputableError
 
-__all__ = ["best_minimum", "check_held", "fits", "soft"]
+__all__ = ["Ahead", "best_minimum", "check_held", "fits", "soft"]
+
+
+Ahead = Callable[[Problem, Structure, RobustState], tuple[BlockState, int] | None]
+"""From a robust solution of a bundle that gross errors tear: where its minimum is, or nearly, and
+how many steps lead there; None: not known."""
 
 
 _FITS = 4.0  # sigma0 up to which a minimum is not held against others
@@ -46,7 +52,11 @@ _CHANCE = 100  # rays up to which such a start may still lead there, by a long w
 
 
 def best_minimum(
-    problem: Problem, progress: Progress | None, whole: Problem, first: BlockState | None = None
+    problem: Problem,
+    progress: Progress | None,
+    whole: Problem,
+    first: BlockState | None = None,
+    ahead: Ahead | None = None,
 ) -> tuple[Minimum, RobustState | None, Minimum | None]:
     """Return the best minimum of a bundle, from nothing but its measurements.
 
@@ -63,6 +73,8 @@ def best_minimum(
         The bundle with those that the search does without.
     first
         Approximate values to begin with, where there are any.
+    ahead
+        Leads to the minimum of a large block that is torn where some of its points orient it.
 
     Returns
     -------
@@ -81,10 +93,12 @@ def best_minimum(
     reached: BlockState | None = None
     least = float("inf")
 
-    def minimum(at: BlockState, structure: Structure, tries: int | None = None) -> Minimum | None:
+    def minimum(
+        at: BlockState, structure: Structure, tries: int | None = None, led: int = 0
+    ) -> Minimum | None:
         nonlocal best, failure, reached, least
         try:
-            found = find_minimum(problem, at, structure, tries=tries, progress=progress)
+            found = find_minimum(problem, at, structure, tries=tries, led=led, progress=progress)
         except NoConvergenceError as error:
             value = objective(problem, error.state)[0]
             if value < least:
@@ -108,6 +122,15 @@ def best_minimum(
         if closest is None or solution.better_than(closest.solution, problem):
             closest = _Closest(solution, structure)
         return solution
+
+    def foreseen(structure: Structure, solution: RobustState | None) -> Minimum | None:
+        if ahead is None or solution is None or solution.rays_off == 0:
+            return None
+        try:
+            there = ahead(problem, structure, solution)
+        except (NotComputableError, np.linalg.LinAlgError):
+            return None
+        return None if there is None else minimum(there[0], structure, led=there[1])
 
     def grown(solution: RobustState) -> BlockState | None:
         try:
@@ -157,7 +180,16 @@ def best_minimum(
         if some is not None:
             start = some
         tries = _TRIES if way is None else way.tries
-        found = minimum(start, structure, tries if wait or hopeless else None)
+        solution, found = None, None
+        if (
+            some is not None
+            and ahead is not None
+            and not _fits(problem, objective(problem, some)[0])
+        ):
+            solution = robust(start, structure, of_some=True)
+            found = foreseen(structure, solution)
+        if found is None:
+            found = minimum(start, structure, tries if wait or hopeless else None)
         if found is not None and fits(problem, found):
             break
         if found is None and wait and unsure:
@@ -168,7 +200,8 @@ def best_minimum(
         if found is not None and by_lens is not None:
             return found, None, by_lens
         # the start hangs less on the last digits than where a search among gross errors ended
-        solution = robust(start, structure, of_some=some is not None)
+        if solution is None:
+            solution = robust(start, structure, of_some=some is not None)
         while solution is not None and not solution.explains(problem):
             again = grown(solution)
             other = None if again is None else robust(again, structure)
@@ -308,7 +341,11 @@ class _Closest(NamedTuple):
 
 def fits(problem: Problem, found: Minimum) -> bool:
     """Whether a minimum fits the measurements so well that it is not held against others."""
-    return found.convergence.last <= _FITS**2 * max(problem.redundancy, 1)
+    return _fits(problem, found.convergence.last)
+
+
+def _fits(problem: Problem, vtpv: float) -> bool:
+    return vtpv <= _FITS**2 * max(problem.redundancy, 1)
 
 
 def _led_there(problem: Problem, solution: RobustState, found: Minimum | None) -> bool:
