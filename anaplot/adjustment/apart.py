@@ -47,7 +47,13 @@ from anaplot.adjustment.doubts import Doubts, Touching
 from anaplot.adjustment.elimination import Elimination, NotSeparableError
 from anaplot.adjustment.findings import SearchStep
 from anaplot.adjustment.partners import EQUAL
-from anaplot.adjustment.places import Place, Places, nothing_better, plainly_rejected
+from anaplot.adjustment.places import (
+    Place,
+    Places,
+    nothing_better,
+    plainly_rejected,
+    surely_best,
+)
 from anaplot.adjustment.reliability import HARD_TO_TELL
 from anaplot.adjustment.search import search
 from anaplot.adjustment.significance import TESTABLE, critical_normal
@@ -400,8 +406,11 @@ class _Sweeps:
             return changes
         rows = np.array(sorted(out), dtype=np.intp)
         numbers = np.unique(given.places_of(rows))
+        gone = np.zeros(len(self.suspects), dtype=bool)
+        gone[rows] = True
         for places in self._places(given, numbers):
-            for at in range(len(places.numbers)):
+            sure = surely_best(places, gone[places.rows], self.critical)
+            for at in np.flatnonzero(~sure).tolist():
                 self._exchange(places.place(at), out, changes, cost)
         return changes
 
