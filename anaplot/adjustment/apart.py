@@ -46,14 +46,9 @@ import numpy as np
 from anaplot.adjustment.doubts import Doubts, Touching
 from anaplot.adjustment.elimination import Elimination, NotSeparableError
 from anaplot.adjustment.findings import SearchStep
+from anaplot.adjustment.nothingbetter import no_set_better, nothing_better, surely_best
 from anaplot.adjustment.partners import EQUAL
-from anaplot.adjustment.places import (
-    Place,
-    Places,
-    nothing_better,
-    plainly_rejected,
-    surely_best,
-)
+from anaplot.adjustment.places import Place, Places, plainly_rejected
 from anaplot.adjustment.reliability import HARD_TO_TELL
 from anaplot.adjustment.search import search
 from anaplot.adjustment.significance import TESTABLE, critical_normal
@@ -417,7 +412,8 @@ class _Sweeps:
     def _exchange(self, place: Place, out: frozenset[int], changes: _Changes, cost: float) -> None:
         """Exchange the rows of a place that are out for better ones, where there are any."""
         mine = tuple(i for i, row in enumerate(place.rows.tolist()) if row in out)
-        if nothing_better(place.system, mine, self.critical):
+        nothing = nothing_better if len(mine) in (1, 2) else no_set_better
+        if nothing(place.system, mine, self.critical):
             return
         most = len(mine) + self.most - len(changes.out)
         suspects = self.suspects[place.rows]

@@ -23,16 +23,12 @@ __all__ = [
     "Place",
     "Places",
     "inverse_among",
-    "nothing_better",
     "plainly_rejected",
     "reach_of",
     "seen_without",
-    "surely_best",
 ]
 
 
-_SEPARATE = 1e-6  # of their redundancy numbers that two rows leave of each other
-_CLEARLY = 1e-6  # of a cost: by so much less it is less however it is computed
 _UNCHECKED = 1e-12  # of R, whose eigenvalues are between 0 and 1: nothing checks that
 
 
@@ -282,116 +278,3 @@ def seen_without(matrix: Array, gone: Bools) -> tuple[Array, Array]:
         unchecked = np.sum(np.where(good, 0.0, along**2), axis=2)
         checked = (own > 0.0) & ((unchecked <= _UNCHECKED) | ~gone)
     return inverse, np.where(checked, 1.0 / np.where(checked, own, 1.0), 0.0)
-
-
-def nothing_better(system: DenseResiduals, rows: Sequence[int], critical: float) -> bool:
-    """Whether one or two rows explain a place better than others, and than one more or one less.
-
-    Where all that one more could explain is less than its cost. Of more rows nothing is said.
-    """
-    if len(rows) not in (1, 2):
-        return False
-    cost = critical**2
-    e, r, matrix = system.e, system.r, system.matrix
-    good = r >= TESTABLE
-    single = np.where(good, e**2 / np.where(good, r, 1.0), 0.0)
-    a, b = np.triu_indices(len(e), 1)
-    c = matrix[a, b]
-    determinant = r[a] * r[b] - c * c
-    both = determinant > _SEPARATE * r[a] * r[b]
-    a, b, c, determinant = a[both], b[both], c[both], determinant[both]
-    pair = (e[a] ** 2 * r[b] - 2.0 * e[a] * e[b] * c + e[b] ** 2 * r[a]) / determinant
-    if len(rows) == 1:
-        own = single[rows[0]]
-        return bool(own >= single.max() and np.max(pair, initial=0.0) - own < cost)
-    mine = (a == min(rows)) & (b == max(rows))
-    own = float(pair[mine][0]) if mine.any() else 0.0
-    if not own >= np.max(pair, initial=0.0) or own - single.max() <= cost:
-        return False
-    # what a third row explains once two are out
-    x = (e[a] * r[b] - e[b] * c) / determinant
-    y = (e[b] * r[a] - e[a] * c) / determinant
-    left = e - matrix[a] * x[:, None] - matrix[b] * y[:, None]
-    of_a, of_b = matrix[a], matrix[b]
-    taken = of_a**2 * r[b][:, None] - 2.0 * of_a * of_b * c[:, None] + of_b**2 * r[a][:, None]
-    rest = r - taken / determinant[:, None]
-    third = rest > _SEPARATE * r
-    gain = np.where(third, left**2 / np.where(third, rest, 1.0), 0.0).max(axis=1)
-    return bool(np.max(pair + gain) - own < cost)
-
-
-def surely_best(places: Places, out: Bools, critical: float) -> Bools:
-    """Return of which places `nothing_better` is plain, all of them at once.
-
-    Parameters
-    ----------
-    places
-        The places.
-    out
-        (c, k) rows that explain them.
-    critical
-        Critical value of w, the square of which every row costs.
-
-    Returns
-    -------
-    ndarray
-        (c,); False also where it is only not plain.
-    """
-    sure, count = np.zeros(len(out), dtype=bool), out.sum(axis=1)
-    for size in (1, 2):
-        some = np.flatnonzero(count == size)
-        if len(some):
-            rows = np.nonzero(out[some])[1].reshape(-1, size)
-            sure[some] = _plainly_best(places.e[some], places.matrix[some], rows, critical**2)
-    return sure
-
-
-def _plainly_best(e: Array, matrix: Array, rows: Index, cost: float) -> Bools:
-    """(c,) whether (c, q) rows surely explain more, with the costs, than any others up to q + 1.
-
-    Of rows with errors z that leave e, the return of p and u others going instead change v'Pv by
-
-        min -2 e_U' d_U + d' R d,    d of those that return = -z,
-
-    which is no less than m sum(r z^2) - sum(e_U^2 / r) / m, m the smallest eigenvalue of the
-    correlations of all these rows: no less than 1 - the largest sum of others in a row (Gershgorin).
-    """
-    (count, q), k = rows.shape, e.shape[1]
-    each = np.arange(count)[:, None]
-    r = np.einsum("cii->ci", matrix)
-    live = r > 0.0
-    root = np.where(live, 1.0 / np.sqrt(np.where(live, r, 1.0)), 0.0)
-    own = matrix[each, rows]
-    try:
-        inverse = np.linalg.inv(np.take_along_axis(own, rows[:, None], axis=2))
-    except np.linalg.LinAlgError:
-        return np.zeros(count, dtype=bool)
-    error = np.einsum("cij,cj->ci", inverse, e[each, rows])
-    left = (e - np.einsum("ci,cik->ck", error, own)) * root
-    left[each, rows] = 0.0
-    # one more: exactly
-    below = (1.0 - _CLEARLY) * cost
-    rest = 1.0 - np.einsum("cik,cij,cjk->ck", own, inverse, own) * root**2
-    checked = rest > _SEPARATE
-    sure = np.all(~live | np.where(checked, left**2 < below * rest, left == 0.0), axis=1)
-    back = _sums(np.sort(error**2 * r[each, rows], axis=1))
-    most = min(q + 1, k)
-    instead = _sums(-np.sort(-(left**2), axis=1)[:, :most])
-    size = np.abs(matrix) * root[:, :, None] * root[:, None, :]
-    size[:, np.arange(k), np.arange(k)] = 0.0
-    beside = min(2 * q, k - 1)
-    largest = -np.sort(np.partition(-size, beside - 1, axis=2)[:, :, :beside], axis=2)
-    m = 1.0 - _sums(largest).max(axis=1)
-    for p in range(1, q + 1):
-        for u in range(min(p + 1, most) + 1):
-            least = m[:, min(q + u - 1, beside)]
-            with np.errstate(divide="ignore", invalid="ignore"):
-                gain = least * back[:, p] - instead[:, u] / least
-            sure &= (least > 0.0) & (gain > (p - u + _CLEARLY) * cost)
-    return sure
-
-
-def _sums(values: Array) -> Array:
-    """Return the sums of none, the first, the first two, ... along the last axis."""
-    none = np.zeros((*values.shape[:-1], 1))
-    return np.concatenate((none, np.cumsum(values, axis=-1)), axis=-1)

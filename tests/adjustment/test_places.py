@@ -10,10 +10,10 @@ from scipy.sparse import csr_array
 
 from anaplot.adjustment.doubts import Doubts, Touching
 from anaplot.adjustment.elimination import Elimination
+from anaplot.adjustment.nothingbetter import no_set_better, nothing_better, surely_best
 from anaplot.adjustment.places import (
     Places,
     inverse_among,
-    nothing_better,
     plainly_rejected,
     seen_without,
 )
@@ -130,6 +130,47 @@ def test_nothing_is_better_where_no_set_of_one_more_or_less_is(seed: int) -> Non
             assert not nothing_better(system, other, CRITICAL)
         assert not nothing_better(system, (0, 1, 2), CRITICAL)
     assert min(said.values()) > 5
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_is_seen_of_many_places_at_once_is_true_of_each(seed: int) -> None:
+    places = places_of(seed, count=200, k=30)
+    w = np.abs(places.e) / np.sqrt(places.r)
+    out = (w >= np.sort(w, axis=1)[:, -2:-1]) & (w > CRITICAL)
+    out[:5] = w[:5] <= np.sort(w[:5], axis=1)[:, 1:2]
+    sure = surely_best(places, out, CRITICAL)
+    each = [
+        nothing_better(places.place(at).system, tuple(np.flatnonzero(out[at])), CRITICAL)
+        for at in range(200)
+    ]
+    assert not (sure & ~np.array(each)).any()
+    assert sure.sum() > 20
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_where_surely_no_set_is_better_none_is(seed: int) -> None:
+    count, k = 60, 10
+    places, cost = places_of(seed, count=count, k=k, unknowns=1), CRITICAL**2
+    places = places._replace(e=places.e + 40.0 * places.matrix[:, 3] - 60.0 * places.matrix[:, 8])
+    sets = [np.array(list(combinations(range(k), size))) for size in range(1, k - 1)]
+    sure = 0
+    for at in range(count):
+        e, matrix = places.e[at], places.matrix[at]
+        best, least = (), 0.0
+        for rows in sets:
+            parts = matrix[rows[:, :, None], rows[:, None, :]]
+            good = np.linalg.det(parts) > 1e-7
+            parts, rows = parts[good], rows[good]
+            z = np.linalg.solve(parts, e[rows][:, :, None])[:, :, 0]
+            values = cost * rows.shape[1] - np.einsum("ci,ci->c", z, e[rows])
+            if len(rows) and values.min() < least:
+                best, least = tuple(rows[values.argmin()].tolist()), float(values.min())
+        system = places.place(at).system
+        sure += no_set_better(system, best, CRITICAL)
+        for some in ((3, 8), (3, 5, 8), (0, 3), (0, 3, 8)):
+            assert some == best or not no_set_better(system, some, CRITICAL)
+        assert not no_set_better(system, tuple(range(7)), CRITICAL)
+    assert sure > 10
 
 
 def test_doubts_are_the_bounds_of_larger_places_that_share_a_photo() -> None:
