@@ -37,7 +37,7 @@ each other. The end of a pass that is no draft is always seen from an adjustment
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, Protocol
 
@@ -366,33 +366,19 @@ class _Sweeps:
         some = np.any(np.isin(places.rows, np.array(sorted(out), dtype=np.intp)), axis=1)
         plain = plainly_rejected(places, suspects, self.critical)
         for at, k in enumerate(which.tolist()):
-            steps = None if some[at] else plain[at]
-            if steps is None or any(
-                doubts.of(k, step.statistic or 0.0) > _NEGLIGIBLE for step in steps
-            ):
-                steps = list(self._one_by_one(places.place(at), out, suspects[at], k, doubts))
+            told = None if some[at] else plain[at]
+            rule = self._by_rule(places.place(at), out, suspects[at]) if told is None else told
+            steps = list(_certain(rule, places, at, out, k, doubts))
             if stands and stands.intersection(places.rows[at].tolist()):
                 steps += _to_stand(places.place(at), stands, steps)
             if steps:
                 yield k, steps, places.rows[at]
 
-    def _one_by_one(
-        self, place: Place, out: frozenset[int], suspects: Bools, k: int, doubts: Doubts
-    ) -> Iterator[SearchStep]:
-        """Yield the steps of the rule in a place that nothing elsewhere leaves in doubt."""
-        state = _begun(place, out)
-        size, rule = np.abs(state.w), rule_of("baarda", self.alpha)
+    def _by_rule(self, place: Place, out: frozenset[int], suspects: Bools) -> Iterator[SearchStep]:
+        """Yield the steps of the rule in a place, one after another."""
+        state, rule = _begun(place, out), rule_of("baarda", self.alpha)
         most = len(state.rows) + self.most - len(out)
-        steps = step_by_step(state, rule, suspects, most, Watch(), together=False)
-        for number, step in enumerate(steps):
-            statistic, limit = step.statistic or 0.0, step.critical or 0.0
-            doubt = doubts.of(k, statistic)
-            if doubt > _NEGLIGIBLE:
-                if number or abs(statistic - limit) <= doubt:
-                    return
-                if step.action == "reject" and statistic - _rival(place, size, step) <= 2.0 * doubt:
-                    return
-            yield step
+        return step_by_step(state, rule, suspects, most, Watch(), together=False)
 
     def _exchanged(self, given: RowsGiven, out: frozenset[int]) -> _Changes:
         """Search for the best set of every place."""
@@ -529,8 +515,31 @@ def _to_stand(place: Place, stands: frozenset[int], steps: list[SearchStep]) -> 
         return []
 
 
-def _rival(place: Place, size: Array, step: SearchStep) -> float:
+def _certain(
+    steps: Iterable[SearchStep],
+    places: Places,
+    at: int,
+    out: frozenset[int],
+    k: int,
+    doubts: Doubts,
+) -> Iterator[SearchStep]:
+    """Yield those first steps of the rule in a place that nothing elsewhere leaves in doubt."""
+    for number, step in enumerate(steps):
+        statistic, limit = step.statistic or 0.0, step.critical or 0.0
+        doubt = doubts.of(k, statistic)
+        if doubt > _NEGLIGIBLE:
+            if number or abs(statistic - limit) <= doubt:
+                return
+            if step.action == "reject":
+                rival = _rival(places.place(at), out, step)
+                if statistic - rival <= 2.0 * doubt:
+                    return
+        yield step
+
+
+def _rival(place: Place, out: frozenset[int], step: SearchStep) -> float:
     """Return the largest w of a place but of the row that goes, and of what goes for the same."""
+    size = np.abs(_begun(place, out).w)
     row, r = step.rows[0], place.system.r
     alike = np.abs(place.system.matrix[row]) >= HARD_TO_TELL * np.sqrt(r * r[row])
     return float(np.max(np.nan_to_num(np.where(alike, 0.0, size)), initial=0.0))
@@ -538,10 +547,11 @@ def _rival(place: Place, size: Array, step: SearchStep) -> float:
 
 def standardized(given: RowsGiven, out: Collection[int]) -> Array:
     """Return (n,) abs(w), of rows that are out that of their estimated errors; NaN: no test."""
-    size = np.full(len(given.r), np.nan)
+    rows = np.array([*out], dtype=np.intp)
     good = given.r >= TESTABLE
-    good[list(out)] = given.r[list(out)] > 0.0
-    root = np.sqrt(given.r[good])
-    size[good] = np.abs(given.e[good]) / root
-    size[list(out)] *= given.r[list(out)]
+    good[rows] = given.r[rows] > 0.0
+    size = np.full(len(given.r), np.nan)
+    np.sqrt(given.r, out=size, where=good)
+    np.divide(np.abs(given.e), size, out=size, where=good)
+    size[rows] *= given.r[rows]
     return size
