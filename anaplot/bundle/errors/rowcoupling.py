@@ -59,8 +59,11 @@ class RowCoupling:
         self._of_point = np.concatenate((linear.b[ray, axis], of_ground))
         at = np.full(len(problem.points), -1)
         at[self._points] = np.arange(len(self._points))
-        self._rays = np.flatnonzero(at[problem.point] >= 0)
-        self._ray_point = at[problem.point[self._rays]]
+        rays = np.flatnonzero(at[problem.point] >= 0)
+        self._ray_photo, self._ray_point = problem.photo[rays], at[problem.point[rays]]
+        self._of_photos = _summing(self._ray_photo, len(problem.photos))
+        self._of_points = _summing(self._ray_point, len(self._points))
+        self._root, self._z = self._normal.inverse_root[self._points], self._normal.z[rays]
         # rows of D in the order image, ground, priors: which of them have photos, and points
         self._with_photo = np.concatenate(
             (np.arange(len(image)), len(image) + len(ground) + np.arange(len(priors)))
@@ -73,20 +76,17 @@ class RowCoupling:
 
     def times(self, v: Array) -> Array:
         """Return G_DD v."""
-        normal, problem = self._normal, self._block.problem
         photos, points, shared = self._sides(v)
-        root, z = normal.inverse_root[self._points], normal.z[self._rays]
+        root, z = self._root, self._z
         y = np.einsum("pij,pj->pi", root, points)
-        np.subtract.at(
-            photos, problem.photo[self._rays], np.einsum("mij,mj->mi", z, y[self._ray_point])
-        )
+        photos -= self._of_photos @ np.einsum("mij,mj->mi", z, y[self._ray_point])
         if len(shared):
-            shared -= np.einsum("pig,pi->g", normal.t[self._points], y)
+            shared -= np.einsum("pig,pi->g", self._normal.t[self._points], y)
         x, s = self._factor.solve(photos[:, :, None], shared[:, None])
         x, s = x[:, :, 0], s[:, 0]
-        np.subtract.at(y, self._ray_point, np.einsum("mij,mi->mj", z, x[problem.photo[self._rays]]))
+        y -= self._of_points @ np.einsum("mij,mi->mj", z, x[self._ray_photo])
         if len(shared):
-            y -= normal.t[self._points] @ s
+            y -= self._normal.t[self._points] @ s
         return self._seen(x, np.einsum("pji,pj->pi", root, y), s)
 
     def _seen(self, photos: Array, mine: Array, shared: Array) -> Array:
@@ -167,3 +167,8 @@ class RowCoupling:
         if len(shared):
             np.add.at(shared, self._columns, self._shared * v[: len(self._shared), None])
         return photos, points, shared
+
+
+def _summing(of: Index, count: int) -> csr_array:
+    """(count, m) what sums rows that belong to some of `count`: of (m,)."""
+    return csr_array((np.ones(len(of)), (of, np.arange(len(of)))), shape=(count, len(of)))
