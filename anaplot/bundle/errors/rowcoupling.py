@@ -76,18 +76,26 @@ class RowCoupling:
 
     def times(self, v: Array) -> Array:
         """Return G_DD v."""
-        photos, points, shared = self._sides(v)
-        root, z = self._root, self._z
-        y = np.einsum("pij,pj->pi", root, points)
-        photos -= self._of_photos @ np.einsum("mij,mj->mi", z, y[self._ray_point])
-        if len(shared):
-            shared -= np.einsum("pig,pi->g", self._normal.t[self._points], y)
+        photos, y, shared = self._reduced(v)
         x, s = self._factor.solve(photos[:, :, None], shared[:, None])
         x, s = x[:, :, 0], s[:, 0]
-        y -= self._of_points @ np.einsum("mij,mi->mj", z, x[self._ray_photo])
+        y -= self._of_points @ np.einsum("mij,mi->mj", self._z, x[self._ray_photo])
         if len(shared):
             y -= self._normal.t[self._points] @ s
-        return self._seen(x, np.einsum("pji,pj->pi", root, y), s)
+        return self._seen(x, self._unscaled(y), s)
+
+    def _reduced(self, v: Array) -> tuple[Array, Array, Array]:
+        """A_D' v with the points of D eliminated: of photos and shared, and (p, 3) y of points."""
+        photos, points, shared = self._sides(v)
+        y = np.einsum("pij,pj->pi", self._root, points)
+        photos -= self._of_photos @ np.einsum("mij,mj->mi", self._z, y[self._ray_point])
+        if len(shared):
+            shared -= np.einsum("pig,pi->g", self._normal.t[self._points], y)
+        return photos, y, shared
+
+    def _unscaled(self, y: Array) -> Array:
+        """(p, 3) changes of the points of D, of y."""
+        return np.asarray(np.einsum("pji,pj->pi", self._root, y))
 
     def _seen(self, photos: Array, mine: Array, shared: Array) -> Array:
         """(k,) A_D times changes of photos, of the points of D and of shared parameters."""
@@ -100,10 +108,12 @@ class RowCoupling:
 
     def moved(self, v: Array) -> Unknowns:
         """Return N^-1 A_D' v: changes of photos (n, d), points (p, 3) and border (g,)."""
-        photos, mine, shared = self._sides(v)
-        points = np.zeros((len(self._block.problem.points), 3))
-        points[self._points] = mine
-        return self._normal.solution(self._factor, (photos, points, shared))
+        # of the other points nothing is to be eliminated
+        photos, y, shared = self._reduced(v)
+        none = np.zeros((len(self._block.problem.points), 3))
+        x, points, s = self._normal.solution(self._factor, (photos, none, shared))
+        points[self._points] += self._unscaled(y)
+        return x, points, s
 
     def seen(self, unknowns: Unknowns) -> Array:
         """Return (k,) A_D times such changes."""
