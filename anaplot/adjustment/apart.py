@@ -305,18 +305,17 @@ class _Sweeps:
         """
         gone = np.array(sorted(out), dtype=np.intp)
         size = standardized(given, [*out, *self.held])
-        bad, back = self.suspects.copy(), np.zeros(len(size), dtype=bool)
-        bad[[*out, *self.held]], back[gone] = False, True
         with np.errstate(invalid="ignore"):
-            bad &= (size > self.critical) & (len(out) < self.most)
-            back &= size < self.critical
+            bad = np.flatnonzero(size > self.critical if len(out) < self.most else ())
+            back = gone[size[gone] < self.critical]
+        bad = bad[self.suspects[bad] & ~np.isin(bad, [*out, *self.held])]
         stands = frozenset[int]()
         if anew:
-            stands = self._standing(given, gone, np.flatnonzero(bad | back))
-            back[gone] = True
-        rows = np.flatnonzero(bad | back)
+            stands = self._standing(given, gone, np.union1d(bad, back))
+            back = gone
+        rows = np.union1d(bad, back)
         numbers, at = np.unique(given.places_of(rows), return_inverse=True)
-        largest, first = np.where(bad[rows], size[rows], 0.0), np.zeros(len(numbers))
+        largest, first = np.where(np.isin(rows, bad), size[rows], 0.0), np.zeros(len(numbers))
         np.maximum.at(first, at, np.nan_to_num(size[rows]))
         reach, touching = given.reach(numbers) * np.sqrt(share), given.touching(numbers)
         kept = frozenset[int]() if anew else out
@@ -345,7 +344,7 @@ class _Sweeps:
         decided.sort(key=lambda one: -one[0])
         for _, steps, mine in decided:
             for step in steps:
-                if step.action != "drop" and len(changes.out) + len(step.rows) > self.most:
+                if step.action != "drop" and changes.count + len(step.rows) > self.most:
                     break
                 changes.add(step, mine)
         return changes
@@ -401,7 +400,7 @@ class _Sweeps:
         nothing = nothing_better if len(mine) in (1, 2) else no_set_better
         if nothing(place.system, mine, self.critical):
             return
-        most = len(mine) + self.most - len(changes.out)
+        most = len(mine) + self.most - changes.count
         suspects = self.suspects[place.rows]
         other, _ = search(place.system, self.critical, suspects, most, Watch(), mine)
         state = _begun(place, out)
@@ -437,22 +436,30 @@ class _Changes:
     def __init__(
         self, out: frozenset[int], value: float, cost: float | None, exchange: bool
     ) -> None:
-        self.out, self.exchange = out, exchange
+        self._out, self.exchange = set(out), exchange
         self.steps: list[SearchStep] = []
         self._value, self._cost = value, cost
 
+    @property
+    def out(self) -> frozenset[int]:
+        """What is rejected after all steps."""
+        return frozenset(self._out)
+
+    @property
+    def count(self) -> int:
+        """How many rows that are."""
+        return len(self._out)
+
     def add(self, step: SearchStep, rows: Index) -> None:
         """Take up a step in a place of these rows."""
-        mine = frozenset(rows[list(step.rows)].tolist())
-        before, count = self._value, len(self.out)
-        self.out = self.out - mine if step.action == "drop" else self.out | mine
+        mine = rows[list(step.rows)].tolist()
+        before, count = self._value, self.count
+        (self._out.difference_update if step.action == "drop" else self._out.update)(mine)
         self._value = before + step.after - step.before
-        step = step._replace(
-            rows=tuple(rows[list(step.rows)].tolist()), before=before, after=self._value
-        )
+        step = step._replace(rows=tuple(mine), before=before, after=self._value)
         if self._cost is not None:
             first = before + self._cost * count
-            last = self._value + self._cost * len(self.out)
+            last = self._value + self._cost * self.count
             step = SearchStep(
                 "drop" if step.action == "drop" else "add",
                 step.rows,
@@ -472,7 +479,7 @@ class _Changes:
             if there not in seen:
                 before = self.steps[0].before
                 after = before + step.after - step.before
-                alone.out, alone.steps = there, [step._replace(before=before, after=after)]
+                alone._out, alone.steps = set(there), [step._replace(before=before, after=after)]
                 break
         return alone
 
