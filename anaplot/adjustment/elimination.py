@@ -22,7 +22,7 @@ from anaplot.adjustment.residualsystem import ResidualSystem
 from anaplot.adjustment.significance import TESTABLE
 from anaplot.aliases import Array, Bools
 
-__all__ = ["Elimination", "NotSeparableError", "Returns"]
+__all__ = ["Elimination", "NotSeparableError", "Returns", "testable"]
 
 
 # R is known to about 1e-13; what is left of r after an elimination carries its rounding amplified
@@ -125,8 +125,7 @@ class Elimination:
     @property
     def testable_rows(self) -> Bools:
         """(n,) which rows can be tested given S."""
-        limit = np.maximum(TESTABLE, _LOST * self._r0 if self._rows else 0.0)
-        return np.asarray(self._r >= limit)
+        return testable(self._r, self._r0, beside=bool(self._rows))
 
     @property
     def w(self) -> Array:
@@ -303,3 +302,18 @@ class Elimination:
             return np.zeros((0, 0))  # LAPACK prints that it is asked for nothing
         inverse, _ = dtrtri(self.triangle(), lower=1)
         return np.asarray(inverse)
+
+
+def testable(r: Array, before: Array, *, beside: bool) -> Bools:
+    """Return which rows can be tested.
+
+    Parameters
+    ----------
+    r
+        Redundancy numbers, given what is out.
+    before
+        The same with all rows in.
+    beside
+        Whether anything is out.
+    """
+    return np.asarray(r >= np.maximum(TESTABLE, _LOST * before if beside else 0.0))

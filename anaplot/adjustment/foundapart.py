@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Hashable, Sequence
+from collections.abc import Collection, Hashable, Iterator, Sequence
+from itertools import chain
 from math import log, sqrt
 from typing import NamedTuple
 
@@ -16,7 +17,7 @@ from anaplot.adjustment.apart import (
     places_without,
     standardized,
 )
-from anaplot.adjustment.elimination import Elimination
+from anaplot.adjustment.elimination import testable
 from anaplot.adjustment.findings import (
     FinalStatistics,
     Findings,
@@ -26,6 +27,7 @@ from anaplot.adjustment.findings import (
     SearchStep,
 )
 from anaplot.adjustment.leftout import remaining, spread
+from anaplot.adjustment.places import Places
 from anaplot.adjustment.reliability import ERROR_PRIOR_SIGMAS, NONE_PRIOR
 from anaplot.adjustment.residualsystem import ResidualSystem
 from anaplot.adjustment.significance import TESTABLE, critical_normal
@@ -226,34 +228,57 @@ def _retraced(
     for number, step in enumerate(end.steps):
         if step.action != "drop":
             last.update((row, (number, step)) for row in step.rows)
-    out = frozenset(end.rows)
     numbers = {number: k for k, number in enumerate(sorted({last[row][0] for row in end.rows}), 1)}
     rows = np.array(end.rows, dtype=np.intp)
+    when = np.full(len(end.given.e), np.inf)
+    when[rows] = [last[row][0] for row in end.rows]
     found: dict[int, Rejection[Hashable]] = {}
-    alike: dict[int, list[HardToTell]] = {}
+    alike: dict[int, list[HardToTell]] = {row: [] for row in end.rows}
     of_rows = places_without(end.given, np.unique(end.given.places_of(rows)), left_out)
-    for place in (places.place(k) for places in of_rows for k in range(len(places.numbers))):
-        before = Elimination(place.system)
-        mine = [(i, row) for i, row in enumerate(place.rows.tolist()) if row in out]
-        for i, row in sorted(mine, key=lambda one: (last[one[1]][0], one[0])):
-            number, step = last[row]
-            rho = np.nan_to_num(before.correlations(i))
-            others = [int(k) for k in np.flatnonzero(np.abs(rho) >= limit)]
-            kept = [k for k in others if int(place.rows[k]) not in out]
-            alike[row] = [HardToTell(row, int(place.rows[k]), float(rho[k])) for k in kept]
-            found[row] = Rejection(
-                row,
-                names[row],
-                numbers[number],
-                step.statistic,
-                step.critical,
-                float(end.given.e[row]),
-                float(end.given.r[row] ** -0.5),
-                r=float(before.r[i]),
-                partners=tuple(names[int(place.rows[k])] for k in kept),
-            )
-            before.add(i)
+    for row, r, others, rho in chain.from_iterable(_before(p, when, limit) for p in of_rows):
+        number, step = last[row]
+        alike[row] = [HardToTell(row, k, one) for k, one in zip(others, rho, strict=True)]
+        found[row] = Rejection(
+            row,
+            names[row],
+            numbers[number],
+            step.statistic,
+            step.critical,
+            float(end.given.e[row]),
+            float(end.given.r[row] ** -0.5),
+            r=r,
+            partners=tuple(names[k] for k in others),
+        )
     ordered = sorted(end.rows, key=lambda row: (last[row][0], last[row][1].rows.index(row)))
     return tuple(found[row] for row in ordered), tuple(
         pair for row in ordered for pair in alike[row]
     )
+
+
+def _before(
+    places: Places, when: Array, limit: float
+) -> Iterator[tuple[int, float, list[int], list[float]]]:
+    """Yield rows that went out, and how each stood in its place just before, of many places.
+
+    That is its redundancy number, what stays in and is hard to tell apart from it, and how much it
+    is correlated. (n,) `when` they went: those that stay in, never.
+    """
+    order = np.argsort(when[places.rows], axis=1, kind="stable")
+    stays = np.isinf(when[places.rows])
+    count, matrix = np.sum(~stays, axis=1), places.matrix.copy()
+    for number in range(int(count.max(initial=0))):
+        some = np.flatnonzero(count > number)
+        row, mine, each = order[some, number], matrix[some], np.arange(len(some))
+        column, r = mine[each, row], np.einsum("cii->ci", mine)
+        own = r[each, row][:, None]
+        checked = testable(r, places.r[some], beside=number > 0)
+        checked &= checked[each, row][:, None]
+        root = np.sqrt(np.where(checked, r * own, 1.0))
+        rho = np.where(checked, column / root, 0.0)
+        place, k = np.nonzero((np.abs(rho) >= limit) & stays[some])
+        first = np.searchsorted(place, np.arange(len(some) + 1)).tolist()
+        others, rho_of = places.rows[some[place], k].tolist(), rho[place, k].tolist()
+        of = places.rows[some, row].tolist(), own[:, 0].tolist(), first, first[1:]
+        for one, r_one, begin, end in zip(*of, strict=False):
+            yield one, r_one, others[begin:end], rho_of[begin:end]
+        matrix[some] = mine - column[:, :, None] * (column / own)[:, None, :]
