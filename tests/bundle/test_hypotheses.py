@@ -8,6 +8,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 from bundleblocks import aerial, cube
+from scipy.linalg import hadamard
 from wild import text_of
 
 from anaplot.adjustment.hypothesis import critical_f, f_power, quadratic_form, sidak_alpha
@@ -15,7 +16,7 @@ from anaplot.bundle.adjust import adjust_block, adjust_bundle, adjust_problem
 from anaplot.bundle.hypotheses import checktests, controltests, parametertests
 from anaplot.bundle.hypotheses.blockhypotheses import block_hypotheses
 from anaplot.bundle.hypotheses.checktests import check_tests
-from anaplot.bundle.hypotheses.controltests import control_tests
+from anaplot.bundle.hypotheses.controltests import _Control, _given_up, control_tests
 from anaplot.bundle.hypotheses.parametertests import parameter_tests
 from anaplot.bundle.hypotheses.verdict import HypothesisSettings, VarianceFactor
 from anaplot.bundle.solve.additional import additional_parameters
@@ -731,3 +732,30 @@ def test_the_hypotheses_of_a_block() -> None:
     free = block_hypotheses(adjust_block(small().problem.block, datum="free"))
     assert (free.additional, free.check) == (None, None)
     assert free.control.against == "network"
+
+
+@pytest.mark.parametrize(
+    ("small", "weak"),
+    [
+        ((-4e-12, 5e-13, 4e-11), 0),  # of a drone block of 24 000 rays: rounding of the datum
+        ((-2e-15, 1e-15, 4e-11), 1),
+        ((-2e-12, 5e-13, 1e-9), 1),
+        ((-2e-12, 5e-13, 1e-7), 1),
+        ((1e-15, 2e-15, 1e-4), 0),
+    ],
+)
+def test_what_rounding_leaves_of_the_datum_is_no_weak_condition(
+    small: tuple[float, ...], weak: int
+) -> None:
+    values = np.array([*small, 0.3, 0.4, 0.5, 1.0, 2.0])
+    turn = hadamard(8) / np.sqrt(8.0)  # all diagonals are equal
+    control = _Control(
+        [(k, 0) for k in range(8)],
+        np.zeros(8, dtype=bool),
+        np.ones(8),
+        (turn * values) @ turn.T,
+        np.ones(8),
+    )
+    found = _given_up(control, list(range(8)))
+    assert found.weak == weak
+    assert found.conditions == 5 + (small[-1] > 1e-5)

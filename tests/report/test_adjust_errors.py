@@ -234,7 +234,7 @@ def test_what_was_done_to_the_ground_is_said() -> None:
     cleaned = clean_block(make_problem(make(error_mm=0.3)), "search")
     first, block = cleaned.first, cleaned.block
     assert first is not None
-    xyz = {row.point: np.array(row.xyz) for row in first.point_rows()}
+    xyz = {row.point: np.array(row.xyz) for row in first.whole().point_rows()}
     moved = {row.point: np.array(row.xyz) - xyz[row.point] for row in block.point_rows()}
     farthest = max(moved, key=lambda point: np.abs(moved[point]).max())
     ground = errors_document(cleaned).to_dict()["ground"]

@@ -59,6 +59,7 @@ __all__ = [
 _MOST = 1500  # control coordinates that are tested together
 _WEAK = 1e-6  # eigenvalue, over the largest, below which linearisation does not reach
 _NULL = 1e-11  # the same of what holds the datum only
+_ROUNDING = 30.0  # times as far above zero as another lies below it may rounding leave one of these
 
 
 class ControlGroupTest(NamedTuple):
@@ -473,7 +474,8 @@ def _given_up(control: _Control, members: list[int]) -> _GivenUp:
     rho = control.information[np.ix_(free, free)] / scale[:, None] / scale
     values, vectors = np.linalg.eigh(0.5 * (rho + rho.T))
     good = values > _WEAK * float(values[-1])
-    weak = ~good & (values > _NULL * float(values[-1]))
+    null = max(_NULL * float(values[-1]), -_ROUNDING * float(values[0]))
+    weak = ~good & (values > null)
     part = (control.score[free] / scale) @ vectors[:, good]
     return _GivenUp(float((part * part / values[good]).sum()), int(good.sum()), int(weak.sum()))
 
