@@ -7,6 +7,7 @@ for y and q_x for x (Kratky and El-Hakim 1983, eq. 1-4).
 
 from __future__ import annotations
 
+from itertools import compress
 from math import inf, sqrt
 from statistics import median
 from typing import NamedTuple, TypeVar
@@ -23,7 +24,7 @@ __all__ = ["Q_Y", "ConditionEquations", "ModelUnknowns", "tie_cofactor"]
 
 Q_Y = 2.0
 """A-priori cofactor of a y row: q_yy = 2 q_xx, the experience of the NRC."""
-_ROOT_Y = sqrt(0.5)
+_FACTOR_Y = np.array(-sqrt(0.5))
 
 
 _Ratio = TypeVar("_Ratio", float, Array)
@@ -64,6 +65,8 @@ class ConditionEquations:
     ----------
     y_index, x_index
         Rows in use, as positions in pair.points.
+    y_points, x_points
+        Names of their points.
     point
         (n + m,) position of the point of every row.
     p1, p2
@@ -86,21 +89,24 @@ class ConditionEquations:
         self.first = pair.ties is None
         self.p1, self.p2 = _rays(pair.xl, pair.c_left), _rays(pair.xr, pair.c_right)
         self.x1 = pair.fixed.rotation.dot(self.p1)
-        self.y_index = list(range(len(points)))
-        self.x_index = [k for k, point in enumerate(points) if point in ties]
+        self.y_index, self.y_points = list(range(len(points))), points
+        self.x_index = list(compress(self.y_index, map(ties.__contains__, points)))
+        self.x_points = tuple(filter(ties.__contains__, points))
         if off:
             self.y_index = [k for k in self.y_index if (points[k], "y") not in off]
             self.x_index = [k for k in self.x_index if (points[k], "x") not in off]
+            self.y_points = tuple(points[k] for k in self.y_index)
+            self.x_points = tuple(points[k] for k in self.x_index)
         self._n, self._m = n, m = len(self.y_index), len(self.x_index)
         self.point = np.array(self.y_index + self.x_index, dtype=np.intp)
         self.right = self.p2.take(self.point, axis=1)
         x1 = self.x1 if n == len(points) else self.x1.take(self.point[:n], axis=1)
-        self.plane = -_ROOT_Y / x1[2]
+        self.plane = _FACTOR_Y / x1[2]
         self.left = np.zeros((6, n + m))
         self.left[:3, :n] = x1 * self.plane
         self.tie_points = self.x1[:, :0]
         if m:
-            tied = np.array([ties[points[k]] for k in self.x_index])
+            tied = np.array(list(map(ties.__getitem__, self.x_points)))
             self.tie_points = (tied - pair.fixed.centre).T
             self.left[3:5, n:] = self.tie_points[::2]
             self.left[5, n:] = 1.0
@@ -130,22 +136,24 @@ class ConditionEquations:
 
     def evaluate(self, state: ModelUnknowns, *, ties: bool = True) -> Array:
         """Return (7, n + m) weighted derivatives and misclosures in image units [mm]."""
-        n = self._n
+        bx, beta_y, beta_z, rotation = state
         if not (ties and self._m):
-            plane: Array = coefficients(*state)[:, :9].dot(self._products[:9, :n])
+            factors = coefficients(bx, beta_y, beta_z, rotation)
+            plane: Array = factors[:, :9].dot(self._products[:9, : self._n])
             return plane
-        rows: Array = coefficients(*state, self.tie_weight(state.bx)).dot(self._products)
-        of_ties = rows[:, n:]
-        of_ties /= self.tie_depths(state)
+        factors = coefficients(bx, beta_y, beta_z, rotation, self.tie_weight(bx))
+        rows: Array = factors.dot(self._products)
+        of_ties = rows[:, self._n :]
+        np.divide(of_ties, self.tie_depths(bx * beta_z), of_ties)
         return rows
 
     def tie_weight(self, bx: float) -> float:
         """Return the root of the weight of every x row."""
         return 1.0 / sqrt(self._tie_cofactor(bx))
 
-    def tie_depths(self, state: ModelUnknowns) -> Array:
-        """Return (m,) -dZ of the ties from the right projection centre."""
-        depths: Array = state.bx * state.beta_z - self._heights
+    def tie_depths(self, bz: float) -> Array:
+        """Return (m,) -dZ of the ties from the right projection centre, bz above the left one."""
+        depths: Array = bz - self._heights
         return depths
 
     def meet(self, state: ModelUnknowns) -> Intersection:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from functools import partial
-from itertools import combinations
+from itertools import combinations, repeat
 from math import inf
 
 import numpy as np
 
 from anaplot.adjustment.leastsquares import Adjustment, RankDefectError, adjust_weighted
 from anaplot.adjustment.tested import Dense, Observation, Tested, examine
-from anaplot.aliases import Array
+from anaplot.aliases import Array, Axis
 from anaplot.errors import NotComputableError, TooFewError
 from anaplot.orientation.conditionequations import ConditionEquations, ModelUnknowns
 from anaplot.orientation.interchange import Interchange, interchanged
@@ -40,6 +40,8 @@ LEAST_PARALLAX = 1e-6
 
 _EVERY_PAIR_UP_TO = 10  # points of a model in which an interchange can turn the orientation round
 _DUST_UM = 1e-6  # a parallax below this is rounding, whatever it is divided by
+_EVERY_Y: repeat[Axis] = repeat("y")
+_EVERY_X: repeat[Axis] = repeat("x")
 
 
 class WrongPointsError(NotComputableError):
@@ -91,10 +93,10 @@ def orient(pair: Stereopair, precision: Precision, test: TestSettings) -> ModelS
     WrongPointsError
         One or two points are so wrong that there is no orientation with them.
     """
-    _check_count(pair)
     _check_finite(pair)
-    bx = _first_base(pair) if pair.ties is None else None
     conditions = ConditionEquations(pair, precision.tie_variance)
+    _check_count(pair, conditions)
+    bx = _first_base(pair) if conditions.first else None
     apriori_mm = precision.image_um * 1e-3
     found, suspects = find_orientation(pair, conditions, bx, apriori_mm)
     if suspects and (found is None or not found.usable):
@@ -138,7 +140,7 @@ def orient(pair: Stereopair, precision: Precision, test: TestSettings) -> ModelS
         tested=tested,
         names=pair.points,
         coordinates=found.meet.points + pair.fixed.centre[:, None],
-        ties=tuple(pair.points[k] for k in conditions.x_index),
+        ties=conditions.x_points,
         apriori_um=precision.image_um,
         tie_variance=precision.tie_variance,
         outliers=suspects,
@@ -192,38 +194,35 @@ def _off_rows(
     with np.errstate(all="ignore"):
         misclosures = conditions.evaluate(state)[6] * np.sqrt(conditions.cofactors(state.bx))
     parallaxes = np.where(np.isfinite(misclosures), 1e3 * misclosures, np.nan)
-    keys = _keys(pair.aside, conditions)
+    keys = _keys(conditions)
     return tuple(
         Observation.off(key, "um", value)
         for key, value in zip(keys, parallaxes.tolist(), strict=True)
     )
 
 
-def _keys(pair: Stereopair, conditions: ConditionEquations) -> list[Row]:
-    """Return the rows of a pair that count: all y, then all x."""
-    keys: list[Row] = [(pair.points[k], "y") for k in conditions.y_index]
-    return keys + [(pair.points[k], "x") for k in conditions.x_index]
+def _keys(conditions: ConditionEquations) -> list[Row]:
+    """Return the rows that count: all y, then all x."""
+    y_rows = zip(conditions.y_points, _EVERY_Y, strict=False)
+    return [*y_rows, *zip(conditions.x_points, _EVERY_X, strict=False)]
 
 
-def _check_count(pair: Stereopair) -> None:
+def _check_count(pair: Stereopair, conditions: ConditionEquations) -> None:
     """Raise when counting alone shows that the model is not computable."""
-    n = len(pair.points)
-    y_rows = n if not pair.off else sum((point, "y") not in pair.off for point in pair.points)
+    y_rows, x_rows = len(conditions.y_points), len(conditions.x_points)
     if pair.ties is None:
         if y_rows < 5:
             raise TooFewError(
                 f"model {pair.name}: {_points(y_rows)} in common, a strip's first model needs five"
             )
         return
-    ties = [point for point in pair.points if point in pair.ties]
-    if not ties:
-        raise TooFewError(
-            f"model {pair.name}: none of its {n} points is a point of the preceding model; "
-            "without ties there is no scale"
-        )
-    x_rows = len(ties) if not pair.off else sum((point, "x") not in pair.off for point in ties)
     if not x_rows:
-        raise TooFewError(f"model {pair.name}: every tie is switched off, there is no scale")
+        if any(point in pair.ties for point in pair.points):
+            raise TooFewError(f"model {pair.name}: every tie is switched off, there is no scale")
+        raise TooFewError(
+            f"model {pair.name}: none of its {len(pair.points)} points is a point of the preceding "
+            "model; without ties there is no scale"
+        )
     if y_rows + x_rows < 6:
         raise TooFewError(
             f"model {pair.name}: {_points(y_rows)} and {x_rows} ties give {y_rows + x_rows} rows "
@@ -232,8 +231,11 @@ def _check_count(pair: Stereopair) -> None:
 
 
 def _check_finite(pair: Stereopair) -> None:
+    """Raise where a coordinate is not a number, if it is not the count that is wrong first."""
     if abs(float(np.vdot(pair.xl, pair.xr))) < inf:
         return
+    with np.errstate(all="ignore"):
+        _check_count(pair, ConditionEquations(pair))
     for point, *xy in zip(pair.points, *pair.xl.T.tolist(), *pair.xr.T.tolist(), strict=True):
         if not all(abs(value) < inf for value in xy):
             raise NotComputableError(
@@ -324,7 +326,7 @@ def _tested(
     precision: Precision,
     test: TestSettings,
 ) -> Tested[Row]:
-    keys = _keys(pair, conditions)
+    keys = _keys(conditions)
     apriori = precision.image_um
     sigma = apriori * adjusted.root
     vtpv, deviation, moved = adjusted.vtpv, None, None

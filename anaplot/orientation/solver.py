@@ -159,12 +159,9 @@ def _corrected(
     state: ModelUnknowns, bx: float, beta_y: float, beta_z: float, x: float, y: float, z: float
 ) -> ModelUnknowns:
     """Return unknowns less what was found too much: d ln bx, beta_y, beta_z and three turns."""
-    return ModelUnknowns(
-        state.bx * (1.0 - bx),
-        state.beta_y - beta_y,
-        state.beta_z - beta_z,
-        turn(-x, -y, -z).dot(state.rotation),
-    )
+    old_bx, old_y, old_z, rotation = state
+    turned = turn(-x, -y, -z).dot(rotation)
+    return ModelUnknowns(old_bx * (1.0 - bx), old_y - beta_y, old_z - beta_z, turned)
 
 
 def _kappa_rotation(kappa: float, fixed: Array) -> Array:

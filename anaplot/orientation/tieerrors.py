@@ -423,7 +423,7 @@ class _RowDerivatives(MadeAgain):
         if known is None:
             raise ValueError(f"model {pair.name}: its ties come without their covariance")
         at = dict(zip(known.points, range(len(known.points)), strict=True))
-        ties = [at[pair.points[k]] for k in self.conditions.x_index]
+        ties = list(map(at.__getitem__, self.conditions.x_points))
         by_points = known.covariance.reshape(len(at), 3, len(at), 3)
         of_ties = by_points.take(ties, axis=0).take(ties, axis=2)
         self._known = of_ties.reshape(3 * len(ties), -1)
@@ -546,7 +546,7 @@ def _misclosure_derivatives(
     """
     n, fixed = len(conditions.y_index), pair.fixed.rotation
     between = misclosure_coefficients(*state, conditions.tie_weight(state.bx))
-    depths = conditions.tie_depths(state)
+    depths = conditions.tie_depths(state.bx * state.beta_z)
     by_first = between.dot(conditions.right)
     by_image = np.zeros((4, conditions.row_count))
     by_image[:2, :n] = fixed[:, :2].T.dot(by_first[:3, :n] * conditions.plane)

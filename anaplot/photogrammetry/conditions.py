@@ -87,6 +87,8 @@ def _tensor() -> Array:
 
 
 _TENSOR = _tensor()
+_TURNED = 6 * ROWS, 3
+_COEFFICIENTS = ROWS, 18
 
 
 def products(first: Array, second: Array) -> Array:
@@ -117,8 +119,8 @@ def coefficients(
         Factor of the rows of F_L.
     """
     # `dot` rather than @, whose way to BLAS is twice as long
-    factors = _TENSOR.dot(_functions(bx, beta_y, beta_z, weight)).reshape(6 * ROWS, 3)
-    out: Array = factors.dot(rotation).reshape(ROWS, 18)
+    factors = _TENSOR.dot(_functions(bx, beta_y, beta_z, weight)).reshape(_TURNED)
+    out: Array = factors.dot(rotation).reshape(_COEFFICIENTS)
     return out
 
 
