@@ -17,7 +17,7 @@ import numpy as np
 from anaplot.aliases import Array
 from anaplot.orientation.pair import Stereopair
 from anaplot.photogrammetry.block import TieVariance
-from anaplot.photogrammetry.conditions import coefficients, products
+from anaplot.photogrammetry.conditions import ROWS, coefficients, products
 from anaplot.photogrammetry.intersection import Intersection, intersect
 
 __all__ = ["Q_Y", "ConditionEquations", "ModelUnknowns", "tie_cofactor"]
@@ -25,6 +25,7 @@ __all__ = ["Q_Y", "ConditionEquations", "ModelUnknowns", "tie_cofactor"]
 Q_Y = 2.0
 """A-priori cofactor of a y row: q_yy = 2 q_xx, the experience of the NRC."""
 _FACTOR_Y = np.array(-sqrt(0.5))
+_DEPTHS = np.array((2, 2, 2))
 
 
 _Ratio = TypeVar("_Ratio", float, Array)
@@ -101,17 +102,18 @@ class ConditionEquations:
         self.point = np.array(self.y_index + self.x_index, dtype=np.intp)
         self.right = self.p2.take(self.point, axis=1)
         x1 = self.x1 if n == len(points) else self.x1.take(self.point[:n], axis=1)
-        self.plane = _FACTOR_Y / x1[2]
+        plane = _FACTOR_Y / x1.take(_DEPTHS, axis=0)
+        self.plane = plane[0]
         self.left = np.zeros((6, n + m))
-        self.left[:3, :n] = x1 * self.plane
+        self.left[:3, :n] = x1 * plane
         self.tie_points = self.x1[:, :0]
         if m:
             tied = np.array(list(map(ties.__getitem__, self.x_points)))
             self.tie_points = (tied - pair.fixed.centre).T
             self.left[3:5, n:] = self.tie_points[::2]
             self.left[5, n:] = 1.0
-        self._heights = self.tie_points[2]
-        self._products = products(self.left, self.right)
+        self._heights = self.tie_points[2].repeat(ROWS).reshape(m, ROWS)
+        self._products = products(self.left, self.right).T
 
     @property
     def row_count(self) -> int:
@@ -139,13 +141,14 @@ class ConditionEquations:
         bx, beta_y, beta_z, rotation = state
         if not (ties and self._m):
             factors = coefficients(bx, beta_y, beta_z, rotation)
-            plane: Array = factors[:, :9].dot(self._products[:9, : self._n])
-            return plane
+            plane: Array = self._products[: self._n, :9].dot(factors[:, :9].T)
+            return plane.T
         factors = coefficients(bx, beta_y, beta_z, rotation, self.tie_weight(bx))
-        rows: Array = factors.dot(self._products)
-        of_ties = rows[:, self._n :]
-        np.divide(of_ties, self.tie_depths(bx * beta_z), of_ties)
-        return rows
+        # row by row: what the ties are divided by has their shape, and nothing is spread out
+        rows: Array = self._products.dot(factors.T)
+        of_ties = rows[self._n :]
+        np.divide(of_ties, bx * beta_z - self._heights, of_ties)
+        return rows.T
 
     def tie_weight(self, bx: float) -> float:
         """Return the root of the weight of every x row."""
@@ -153,7 +156,7 @@ class ConditionEquations:
 
     def tie_depths(self, bz: float) -> Array:
         """Return (m,) -dZ of the ties from the right projection centre, bz above the left one."""
-        depths: Array = bz - self._heights
+        depths: Array = bz - self.tie_points[2]
         return depths
 
     def meet(self, state: ModelUnknowns) -> Intersection:

@@ -40,6 +40,7 @@ LEAST_PARALLAX = 1e-6
 
 _EVERY_PAIR_UP_TO = 10  # points of a model in which an interchange can turn the orientation round
 _DUST_UM = 1e-6  # a parallax below this is rounding, whatever it is divided by
+_UNCHANGED = np.eye(7)
 _EVERY_Y: repeat[Axis] = repeat("y")
 _EVERY_X: repeat[Axis] = repeat("x")
 
@@ -312,9 +313,10 @@ def _by_unknowns(
     conditions: ConditionEquations, rows: Array, bx: float, omega: float, phi: float
 ) -> Array:
     """(u + 1, n) weighted rows, derivatives with respect to UNKNOWNS, not d ln bx and turns."""
-    out = rows.copy()
-    out[0] /= bx
-    out[3:6] = rotation_axes(omega, phi).T[::-1].dot(out[3:6])
+    change = _UNCHANGED.copy()
+    change[0, 0] = 1.0 / bx
+    change[3:6, 3:6] = rotation_axes(omega, phi).T[::-1]
+    out: Array = change.dot(rows)
     return out[1:] if conditions.first else out
 
 
