@@ -30,6 +30,8 @@ __all__ = [
     "adjust_weighted",
 ]
 
+_ZERO, _ONE = np.array(0.0), np.array(1.0)  # not floats, which are converted at every operation
+
 CONDITION_LIMIT = 1e4
 """Condition number (columns scaled to unit length) from which a design counts as rank deficient."""
 
@@ -85,8 +87,9 @@ class Adjustment(MadeAgain):
         reflections that made it.
     factors
         (n or u + 1,) factors of these.
-    basis
-        (n, u) orthonormal columns that span those of the weighted design.
+    columns
+        (n, k) orthonormal columns: the first u span those of the weighted design, the next is along
+        `closing`; k is u + 1 at most, or n where all were asked for.
     closing
         (n,) closing misclosures, divided by the roots of the cofactors.
     r
@@ -105,7 +108,7 @@ class Adjustment(MadeAgain):
     root: Array = field(repr=False)
     triangle: Array = field(repr=False)
     factors: Array = field(repr=False)
-    basis: Array = field(repr=False)
+    columns: Array = field(repr=False)
     closing: Array = field(repr=False)
     r: Array
     vtpv: float
@@ -142,23 +145,24 @@ class Adjustment(MadeAgain):
         """(u, u) cofactors of the unknowns."""
         return np.asarray(self.back.dot(self.back.T))
 
-    @cached_property
-    def complete(self) -> Array:
-        """(n, n) `basis` and n - u columns orthogonal to it; their first is along `closing`."""
-        n, k = len(self.triangle), len(self.factors)
-        reflections = np.zeros((n, n), order="F")
-        reflections[:, :k] = self.triangle[:, :k]
-        return np.asarray(lapack.dorgqr(reflections, self.factors, overwrite_a=1)[0])
+    @property
+    def basis(self) -> Array:
+        """(n, u) orthonormal columns that span those of the weighted design."""
+        return self.columns[:, : len(self.unknowns)]
 
     @property
     def complement(self) -> Array:
         """(n, n - u) orthonormal columns orthogonal to `basis`; the first is along `closing`."""
-        return self.complete[:, len(self.unknowns) :]
+        n, columns = len(self.columns), self.columns
+        if columns.shape[1] < n:
+            columns = _orthonormal(self.triangle, self.factors, n)
+        return columns[:, len(self.unknowns) :]
 
     @cached_property
     def projector(self) -> Array:
         """(n, n) what is left of weighted misclosures, 1 - basis basis'."""
-        out: Array = -self.basis.dot(self.basis.T)
+        basis = self.basis
+        out: Array = -basis.dot(basis.T)
         diagonal = np.einsum("ii->i", out)
         diagonal += 1.0
         return out
@@ -240,6 +244,7 @@ def adjust_weighted(
     *,
     unknowns: Sequence[str],
     condition_limit: float = CONDITION_LIMIT,
+    complete: bool = False,
 ) -> Adjustment:
     """Adjust rows that are divided by the roots of their cofactors already; see `adjust`.
 
@@ -251,6 +256,8 @@ def adjust_weighted(
         (n,) of the rows as they were before, and their roots.
     unknowns, condition_limit
         As in `adjust`.
+    complete
+        Whether the outcome has n orthonormal columns.
     """
     u, n = len(rows) - 1, rows.shape[1]
     # `dot` rather than @, whose way to BLAS is twice as long: rows of a model are few
@@ -265,7 +272,7 @@ def adjust_weighted(
         raise _rank_defect(rows[:-1], unknowns, condition_limit, inf)
     # of n = u rows none is left to check: the triangle has no last row, and nothing is to close
     triangle, factors, _, _ = lapack.dgeqrf(rows.T)
-    q, _, _ = lapack.dorgqr(triangle if n > u else triangle[:, :n], factors)
+    q = _orthonormal(triangle, factors, n if complete else len(factors))
     diagonal: list[float] = triangle.diagonal().tolist()
     determinant = 1.0
     for square, size in zip(squares, diagonal, strict=False):
@@ -284,13 +291,23 @@ def adjust_weighted(
         root=root,
         triangle=triangle,
         factors=factors,
-        basis=basis,
+        columns=q,
         closing=q[:, u] * diagonal[u] if n > u else np.zeros(n),
-        r=np.maximum(1.0 - hat.diagonal(), 0.0),
+        r=np.maximum(_ONE - hat.diagonal(), _ZERO),
         vtpv=diagonal[u] ** 2 if n > u else 0.0,
         redundancy=n - u,
         at_most=at_most,
     )
+
+
+def _orthonormal(triangle: Array, factors: Array, count: int) -> Array:
+    """(n, count) columns that the reflections of a triangular factor make."""
+    n, k = len(triangle), len(factors)
+    reflections = triangle
+    if count != triangle.shape[1]:
+        reflections = np.zeros((n, count), order="F")
+        reflections[:, :k] = triangle[:, :k]
+    return np.asarray(lapack.dorgqr(reflections, factors)[0])
 
 
 def _scaled(design: Array) -> Array:

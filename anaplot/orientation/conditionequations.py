@@ -80,7 +80,8 @@ class ConditionEquations:
         (6, n + m), (3, n + m) the vectors in which the conditions are bilinear: of y rows the left
         ray, as `plane` scales it, of x rows (X, Z, 1) of the tie in the last three; right rays.
     plane
-        (n,) factors of the left rays, which put the conditions of y rows into weighted image units.
+        (n, 2) factor of each left ray, twice, which puts the conditions of y rows into weighted
+        image units.
     """
 
     def __init__(self, pair: Stereopair, tie_variance: TieVariance = "paper") -> None:
@@ -103,7 +104,7 @@ class ConditionEquations:
         self.right = self.p2.take(self.point, axis=1)
         x1 = self.x1 if n == len(points) else self.x1.take(self.point[:n], axis=1)
         plane = _FACTOR_Y / x1.take(_DEPTHS, axis=0)
-        self.plane = plane[0]
+        self.plane = plane[:2].T
         self.left = np.zeros((6, n + m))
         self.left[:3, :n] = x1 * plane
         self.tie_points = self.x1[:, :0]
@@ -138,25 +139,29 @@ class ConditionEquations:
 
     def evaluate(self, state: ModelUnknowns, *, ties: bool = True) -> Array:
         """Return (7, n + m) weighted derivatives and misclosures in image units [mm]."""
+        return self.linearise(state, ties=ties)[0]
+
+    def linearise(self, state: ModelUnknowns, *, ties: bool = True) -> tuple[Array, Array]:
+        """Return what `evaluate` does, and the (7, 18) `coefficients` with which it was made."""
         bx, beta_y, beta_z, rotation = state
         if not (ties and self._m):
             factors = coefficients(bx, beta_y, beta_z, rotation)
             plane: Array = self._products[: self._n, :9].dot(factors[:, :9].T)
-            return plane.T
+            return plane.T, factors
         factors = coefficients(bx, beta_y, beta_z, rotation, self.tie_weight(bx))
         # row by row: what the ties are divided by has their shape, and nothing is spread out
         rows: Array = self._products.dot(factors.T)
         of_ties = rows[self._n :]
         np.divide(of_ties, bx * beta_z - self._heights, of_ties)
-        return rows.T
+        return rows.T, factors
 
     def tie_weight(self, bx: float) -> float:
         """Return the root of the weight of every x row."""
         return 1.0 / sqrt(self._tie_cofactor(bx))
 
     def tie_depths(self, bz: float) -> Array:
-        """Return (m,) -dZ of the ties from the right projection centre, bz above the left one."""
-        depths: Array = bz - self.tie_points[2]
+        """Return (m, 3) -dZ of each tie, three times, from a right centre bz above the left one."""
+        depths: Array = bz - self._heights[:, :3]
         return depths
 
     def meet(self, state: ModelUnknowns) -> Intersection:

@@ -113,7 +113,8 @@ def orient(pair: Stereopair, precision: Precision, test: TestSettings) -> ModelS
     q_l = conditions.cofactors(state.bx)
     try:
         rows = _by_unknowns(conditions, solution.rows, state.bx, omega, phi)
-        adjusted = adjust_weighted(rows, q_l, np.sqrt(q_l), unknowns=unknowns)
+        correlated = precision.tie_variance == "exact"
+        adjusted = adjust_weighted(rows, q_l, np.sqrt(q_l), unknowns=unknowns, complete=correlated)
     except RankDefectError as error:
         if suspects:
             raise _hopeless(pair, precision, suspects) from error
@@ -128,8 +129,8 @@ def orient(pair: Stereopair, precision: Precision, test: TestSettings) -> ModelS
         )
         raise _hopeless(pair, precision, (), behind_error)
     exact = None
-    if precision.tie_variance == "exact":
-        exact = exact_statistics(pair, conditions, state, adjusted)
+    if correlated:
+        exact = exact_statistics(pair, conditions, solution, adjusted)
     tested = _tested(pair, conditions, adjusted, exact, precision, test)
     return ModelSolution(
         left=pair.left,

@@ -6,16 +6,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from anaplot.adjustment.correlatedrows import correlated_units, residual_weight
 from anaplot.adjustment.residualsystem import DenseResiduals
 from anaplot.aliases import Array, RowKey
 from anaplot.orientation.conditionequations import ConditionEquations, ModelUnknowns
 from anaplot.orientation.pair import Stereopair
 from anaplot.orientation.results import ModelSolution
-from anaplot.orientation.tieerrors import (
-    correlated_units,
-    misclosure_covariance,
-    residual_weight,
-)
+from anaplot.orientation.tieerrors import misclosure_covariance
 from anaplot.photogrammetry.block import Precision
 from anaplot.photogrammetry.rotation import rotation_matrix
 

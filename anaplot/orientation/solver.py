@@ -7,9 +7,10 @@ El-Hakim 1983, eq. 1-4).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import combinations, product
 from math import acos, atan2, cos, hypot, inf, log1p, sin
+from typing import NamedTuple
 
 import numpy as np
 
@@ -62,8 +63,7 @@ _ACROSS_MARGIN = 4.0  # per row: a gross error alone must not make the images lo
 _TURNED = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ConvergedOrientation:
+class ConvergedOrientation(NamedTuple):
     """A converged state with its weighted rows.
 
     Attributes
@@ -74,6 +74,8 @@ class ConvergedOrientation:
         (7, n + m) derivatives (d ln bx, beta_y, beta_z, three turns) and misclosures, image
         units [mm], each column divided by the root of its cofactor: those before the last
         correction, which is too short to change them and is made again by their adjustment.
+    coefficients
+        (7, 18) of the conditions, with which the rows were made.
     sum_of_squares
         Of the weighted misclosures [mm^2].
     iterations
@@ -82,6 +84,7 @@ class ConvergedOrientation:
 
     state: ModelUnknowns
     rows: Array
+    coefficients: Array
     sum_of_squares: float
     iterations: int
 
@@ -102,7 +105,7 @@ def iterate(
     with_scale = ties and not conditions.first
     used = slice(0 if with_scale else 1, 6)
     state = start
-    rows = conditions.evaluate(state, ties=with_scale)
+    rows, factors = conditions.linearise(state, ties=with_scale)
     normal = rows.dot(rows.T)
     square, damping = normal.item(6, 6), 0.0
     for count in range(1, most + 1):
@@ -119,14 +122,15 @@ def iterate(
             excess = [0.0, *excess]
         trial = _corrected(state, *excess)
         if longest < CONVERGED and not damping:
-            return ConvergedOrientation(trial, rows, square, count)
-        trial_rows = conditions.evaluate(trial, ties=with_scale)
+            return ConvergedOrientation(trial, rows, factors, square, count)
+        trial_rows, trial_factors = conditions.linearise(trial, ties=with_scale)
         trial_normal = trial_rows.dot(trial_rows.T)
         trial_square = trial_normal.item(6, 6)
         # weights and coefficients move with the unknowns, hence the room of a few steps
         better = trial_square <= square * (1.0 + 4.0 * longest) + 1e-24
         if better:
-            state, rows, normal, square = trial, trial_rows, trial_normal, trial_square
+            state, rows, factors = trial, trial_rows, trial_factors
+            normal, square = trial_normal, trial_square
         if longest < CONVERGED:
             damping = 0.0  # a damped correction is short without being the last
         elif better:
@@ -184,8 +188,7 @@ def _tilt(pair: Stereopair, rotation: Array) -> float:
     return acos(max(-1.0, min(1.0, float(pair.fixed.rotation[:, 2].dot(rotation[:, 2])))))
 
 
-@dataclass(frozen=True, eq=False)
-class FoundOrientation:
+class FoundOrientation(NamedTuple):
     """The most plausible orientation.
 
     Attributes
@@ -442,7 +445,7 @@ def _best_of_grid(
         frame = (across_pair, across_conditions) if across else (pair, conditions)
         other = _finish(frame[1], state)
         if other is not None:
-            candidates.append((replace(other, across=across), *frame))
+            candidates.append((other._replace(across=across), *frame))
     if not candidates:
         return None
     merits = [_implausibility(item, apriori_mm) for item in candidates]
@@ -510,7 +513,7 @@ def _finished(
         if share < IN_FRONT:
             # a base of the wrong sign fits as well: the points tell which it is
             mirrored = solution.state._replace(bx=-solution.state.bx)
-            other = FoundOrientation.of(conditions, replace(solution, state=mirrored))
+            other = FoundOrientation.of(conditions, solution._replace(state=mirrored))
             if other.in_front > share:
                 return other
         return found

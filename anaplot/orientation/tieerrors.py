@@ -22,11 +22,13 @@ from typing import NamedTuple
 import numpy as np
 
 from anaplot.adjustment import lapack
+from anaplot.adjustment.correlatedrows import correlated_units, whitener
 from anaplot.adjustment.leastsquares import Adjustment, MadeAgain
 from anaplot.aliases import Array, Index
 from anaplot.errors import NotComputableError
 from anaplot.orientation.conditionequations import ConditionEquations, ModelUnknowns
 from anaplot.orientation.pair import Stereopair, TieErrors
+from anaplot.orientation.solver import ConvergedOrientation
 from anaplot.photogrammetry.block import TieVariance
 from anaplot.photogrammetry.conditions import misclosure_coefficients
 from anaplot.photogrammetry.similarity import similarity_effects
@@ -34,12 +36,10 @@ from anaplot.photogrammetry.similarity import similarity_effects
 __all__ = [
     "ExactStatistics",
     "MovedModel",
-    "correlated_units",
     "exact_statistics",
     "misclosure_covariance",
     "moved_by_errors",
     "point_cofactors",
-    "residual_weight",
     "stationary_errors",
 ]
 
@@ -103,7 +103,7 @@ class ExactStatistics(MadeAgain):
         if not len(self.across):
             return np.zeros_like(self.weighted)
         complement = self.adjusted.complement / self.adjusted.root[:, None]
-        left = _whitener(self.across).dot(complement.T)
+        left = whitener(self.across).dot(complement.T)
         return np.asarray(left.T.dot(left))
 
     @cached_property
@@ -125,7 +125,7 @@ class ExactStatistics(MadeAgain):
 def exact_statistics(
     pair: Stereopair,
     conditions: ConditionEquations,
-    state: ModelUnknowns,
+    solution: ConvergedOrientation,
     adjusted: Adjustment,
 ) -> ExactStatistics:
     """Return the statistics of a model's rows with the errors of its ties.
@@ -134,10 +134,10 @@ def exact_statistics(
     ----------
     pair, conditions
         The measurements and their conditions.
-    state
-        The converged unknowns.
+    solution
+        The converged unknowns, and the coefficients of the conditions.
     adjusted
-        Its rows, adjusted by the weights of the solution.
+        Its rows, adjusted by the weights of the solution, with all columns.
 
     Raises
     ------
@@ -152,8 +152,9 @@ def exact_statistics(
     S = V Z V'. The residuals v lie along the first column of V, all of them: v'S+ v = v'v over the
     variance of this component given all others.
     """
-    rows = _RowDerivatives(pair, conditions, state)
-    sigma, complete, u = rows.covariance(), adjusted.complete, len(adjusted.unknowns)
+    between = solution.coefficients[6].reshape(6, 3)
+    rows = _RowDerivatives(pair, conditions, solution.state, between)
+    sigma, complete, u = rows.covariance(), adjusted.columns, len(adjusted.unknowns)
     basis, complement = complete[:, :u], complete[:, u:]
     turned = complete.T.dot(sigma).dot(complete)
     along, across = turned[:u, :u], turned[u:, u:]
@@ -180,16 +181,6 @@ def exact_statistics(
 def _image_units(weighted: Array, root: Array) -> Array:
     """(n, n) covariance of rows of which that of the weighted ones is known."""
     return weighted * (root[:, None] * root)
-
-
-def _whitener(covariance: Array) -> Array:
-    """Return L^-1 of a covariance L L'; LinAlgError where it is not positive definite."""
-    # not dtrtrs: OpenBLAS wakes its threads for it, however small the matrix is
-    factor, info = lapack.dpotrf(covariance, lower=1, clean=1)
-    if info:
-        raise np.linalg.LinAlgError("Matrix is not positive definite")
-    inverse, _ = lapack.dtrtri(factor, lower=1)
-    return np.asarray(inverse)
 
 
 def point_cofactors(
@@ -379,25 +370,6 @@ def _with_free_ties(pair: Stereopair, conditions: ConditionEquations) -> Stereop
     )
 
 
-def residual_weight(sigma: Array, design: Array) -> Array:
-    """Return W = Sigma^-1 - Sigma^-1 B (B' Sigma^-1 B)^-1 B' Sigma^-1, (n, n) of rank n - u."""
-    whitener = _whitener(sigma)
-    triangle, factors, _, _ = lapack.dgeqrf(whitener.dot(design))
-    q, _, _ = lapack.dorgqr(triangle[:, : len(factors)], factors)
-    left = whitener - q.dot(q.T.dot(whitener))
-    return np.asarray(left.T.dot(left))
-
-
-def correlated_units(sigma: Array) -> Array:
-    """Return (n,) standard deviations of correlated rows, each given all others.
-
-    In these units redundancy numbers of correlated rows lie between 0 and 1, and a misclosure
-    left is the deviation from what the other rows let one expect.
-    """
-    whitener = _whitener(sigma)
-    return np.asarray(1.0 / np.sqrt(np.einsum("ij,ij->j", whitener, whitener)))
-
-
 class _RowDerivatives(MadeAgain):
     """A model's weighted rows and its points with their derivatives, at a state.
 
@@ -405,13 +377,22 @@ class _RowDerivatives(MadeAgain):
     """
 
     def __init__(
-        self, pair: Stereopair, conditions: ConditionEquations, state: ModelUnknowns
+        self,
+        pair: Stereopair,
+        conditions: ConditionEquations,
+        state: ModelUnknowns,
+        between: Array | None = None,
     ) -> None:
         self._pair, self.conditions, self._state = pair, conditions, state
         n, m = len(conditions.y_index), len(conditions.x_index)
         self._point = conditions.point
         self._ties = slice(n, n + m)
-        self._image, self._by_tie = _misclosure_derivatives(pair, conditions, state)
+        if between is None:
+            between = misclosure_coefficients(*state, conditions.tie_weight(state.bx))
+        self._image, self._by_tie = _misclosure_derivatives(pair, conditions, state, between)
+        by_ties = np.zeros(((n + m) * m, 3))
+        by_ties[n * m :: m + 1] = self._by_tie  # each on the diagonal of the x rows
+        self._by_ties = by_ties.reshape(n + m, 3 * m)  # B_t
         self._known: Array | None = None  # C of the ties, (3m, 3m)
         self._shared: Array | None = None  # D of the ties, (m, 3, points, 2); None: all is zero
         if m:
@@ -422,17 +403,18 @@ class _RowDerivatives(MadeAgain):
         known = pair.tie_errors
         if known is None:
             raise ValueError(f"model {pair.name}: its ties come without their covariance")
-        at = dict(zip(known.points, range(len(known.points)), strict=True))
-        ties = list(map(at.__getitem__, self.conditions.x_points))
-        by_points = known.covariance.reshape(len(at), 3, len(at), 3)
+        names = known.points
+        ties, count = list(map(names.index, self.conditions.x_points)), len(names)
+        by_points = known.covariance.reshape(count, 3, count, 3)
         of_ties = by_points.take(ties, axis=0).take(ties, axis=2)
         self._known = of_ties.reshape(3 * len(ties), -1)
         again = []
         if pair.once:
-            again = [k for k, name in enumerate(pair.points) if name in pair.once and name in at]
+            once = pair.once.intersection(names)
+            again = [k for k, name in enumerate(pair.points) if name in once]
         if again:
-            before = [at[pair.points[k]] for k in again]
-            d = known.with_right.reshape(len(at), 3, len(at), 2)
+            before = [names.index(pair.points[k]) for k in again]
+            d = known.with_right.reshape(count, 3, count, 2)
             self._shared = np.zeros((len(ties), 3, len(pair.points), 2))
             self._shared[:, :, again] = d[ties][:, :, before]
 
@@ -443,21 +425,16 @@ class _RowDerivatives(MadeAgain):
         out[np.arange(len(out)), self._point] = self._image
         return out
 
-    @cached_property
-    def _by_ties(self) -> Array:
-        """(m, 3m) B_t of the x rows."""
-        m = len(self._by_tie)
-        out = np.zeros((m * m, 3))
-        out[:: m + 1] = self._by_tie  # each on the diagonal
-        return out.reshape(m, 3 * m)
-
     def covariance(self) -> Array:
         """Return Sigma_F (rows, rows)."""
         out: Array = self._image.dot(self._image.T)
-        out *= self._point[:, None] == self._point
+        # one where two rows are of the same point; arrays of equal shape need not be spread out
+        count = len(self._pair.points)
+        same = np.zeros((count, count))
+        same.reshape(-1)[:: count + 1] = 1.0  # np.eye takes several times as long
+        out *= same.take(self._point, axis=0).take(self._point, axis=1)
         if self._known is not None:
-            of_ties, by = out[self._ties, self._ties], self._by_ties
-            of_ties += by.dot(self._known).dot(by.T)
+            out += self._by_ties.dot(self._known).dot(self._by_ties.T)
         if self._shared is not None:
             ties = self._ties
             image = self._by_image[:, :, :2]
@@ -528,7 +505,7 @@ class _RowDerivatives(MadeAgain):
 
     def gain_of_ties(self, gain: Array) -> Array:
         """Return (u, 3m) G B_t."""
-        return np.asarray(gain[:, self._ties] @ self._by_ties)
+        return np.asarray(gain @ self._by_ties)
 
     def gain_of_rays(self, gain: Array) -> Array:
         """Return (u, n, 4) G B_l."""
@@ -538,23 +515,21 @@ class _RowDerivatives(MadeAgain):
 
 
 def _misclosure_derivatives(
-    pair: Stereopair, conditions: ConditionEquations, state: ModelUnknowns
+    pair: Stereopair, conditions: ConditionEquations, state: ModelUnknowns, between: Array
 ) -> tuple[Array, Array]:
     """(rows, 4) by xl, yl, xr, yr of the row's point; (m, 3) by the tie as seen from the left.
 
-    Both conditions are bilinear, F = a . T p'' with the left ray or the tie for a.
+    Both conditions are bilinear, F = a . T p'' with the left ray or the tie for a; `between` is T.
     """
-    n, fixed = len(conditions.y_index), pair.fixed.rotation
-    between = misclosure_coefficients(*state, conditions.tie_weight(state.bx))
+    n, fixed, right = len(conditions.y_index), pair.fixed.rotation, conditions.right.T
     depths = conditions.tie_depths(state.bx * state.beta_z)
-    by_first = between.dot(conditions.right)
-    by_image = np.zeros((4, conditions.row_count))
-    by_image[:2, :n] = fixed[:, :2].T.dot(by_first[:3, :n] * conditions.plane)
-    between[:, :2].T.dot(conditions.left, out=by_image[2:])
-    of_ties = by_image[2:, n:]
-    of_ties /= depths
-    by_tie = fixed[::2].T.dot(by_first[3:5, n:] / depths)
-    return by_image.T, by_tie.T
+    by_image = np.zeros((conditions.row_count, 4))
+    by_left = right[:n].dot(between[:3].T.dot(fixed[:, :2]))
+    by_image[:n, :2] = by_left * conditions.plane
+    by_image[:, 2:] = by_right = conditions.left.T.dot(between[:, :2])
+    by_image[n:, 2:] = by_right[n:] / depths[:, :2]
+    by_tie: Array = right[n:].dot(between[3:5].T.dot(fixed[::2]))
+    return by_image, by_tie / depths
 
 
 def _point_derivatives(

@@ -16,6 +16,7 @@ from flightscene import (
 )
 from idealmodel import ideal, ideal_pair, spoiled
 
+from anaplot.adjustment.correlatedrows import correlated_units, residual_weight
 from anaplot.adjustment.significance import noncentrality
 from anaplot.orientation.diagnosis import diagnose
 from anaplot.orientation.grosserrors import model_gross_errors
@@ -25,7 +26,6 @@ from anaplot.orientation.patterns import pattern
 from anaplot.orientation.residuals import residual_system, residuals_at
 from anaplot.orientation.results import ModelSolution
 from anaplot.orientation.strip import bridge_strip, pooled_sigma_um, stereopair
-from anaplot.orientation.tieerrors import correlated_units, residual_weight
 from anaplot.photogrammetry.block import Block, ImagePoint, Photo, Strip
 from anaplot.photogrammetry.rotation import rotation_matrix
 
@@ -207,12 +207,16 @@ def test_weights_and_solution_are_those_of_propagated():
         assert one.base == other.base
         assert one.rotation == other.rotation
         assert one.points == other.points
-        assert [(r.key, r.r, r.residual) for r in one.table] == [
-            (r.key, r.r, r.residual) for r in other.table
-        ]
+        assert [r.key for r in one.table] == [r.key for r in other.table]
+        for row, same in zip(one.table, other.table, strict=True):
+            # another number of columns is made of the same reflections: rounding differs
+            assert (row.r, row.residual) == pytest.approx((same.r, same.residual), rel=1e-12)
         assert sum(row.r for row in one.table) == pytest.approx(one.redundancy, abs=1e-9)
     assert [row.expected for row in exact[2].table] != [row.expected for row in plain[2].table]
-    assert diagnose(exact[2]).transfers == diagnose(plain[2]).transfers
+    transfers = [diagnose(models[2]).transfers for models in (exact, plain)]
+    for transfer, same in zip(*transfers, strict=True):
+        assert transfer[:2] == same[:2]
+        assert transfer[2:] == pytest.approx(same[2:], rel=1e-12)
 
 
 @pytest.mark.parametrize("test", [BAARDA, TAU])
