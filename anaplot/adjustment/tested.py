@@ -35,6 +35,7 @@ from anaplot.aliases import Array, Bools, Index, TestKind
 
 # Not floats, which every operation converts anew: half of its time where rows are few.
 _ZERO, _HALF, _ONE, _NONE = map(np.array, (0.0, 0.5, 1.0, np.nan))
+_LEAST_PART, _LESS_HALF = np.array(-1.0), np.array(-0.5)
 _LEAST = np.array(TESTABLE)
 _PRIOR = np.array(ERROR_PRIOR_SIGMAS**2)
 
@@ -505,7 +506,7 @@ def examine(
     effect = detectable * (np.sqrt(np.maximum(_ONE - r, _ZERO)) if moved is None else moved)
     w, mdb = residual / tested, detectable * sigma
     flagged = np.abs(w) > (np.inf if applied.critical is None else applied.critical)
-    if rounding and np.logical_or.reduce(flagged):
+    if rounding:
         flagged &= np.abs(residual) > rounding
     return Tested(
         keys=keys,
@@ -551,8 +552,8 @@ def log_bayes_factor(g: Array, square: Array, redundancy: int, kind: TestKind) -
         return np.asarray(_HALF * (square * shrink - np.log1p(g)))
     f = redundancy
     # w^2 cannot exceed f but for rounding; the bracket stays positive because shrink < 1
-    less = np.maximum(square / -f, -1.0) * shrink
-    return np.asarray(-0.5 * (np.log1p(g) + f * np.log1p(less)))
+    less = np.maximum(square / -f, _LEAST_PART) * shrink
+    return np.asarray(_LESS_HALF * (np.log1p(g) + f * np.log1p(less)))
 
 
 def error_odds(g: Array, size: Array, redundancy: int, kind: TestKind) -> Odds:

@@ -18,7 +18,12 @@ from anaplot.aliases import Array
 from anaplot.orientation.pair import Stereopair
 from anaplot.photogrammetry.block import TieVariance
 from anaplot.photogrammetry.conditions import ROWS, coefficients, products
-from anaplot.photogrammetry.intersection import Intersection, intersect
+from anaplot.photogrammetry.intersection import (
+    Intersection,
+    intersect,
+    lie_in_front,
+    ray_factors,
+)
 
 __all__ = ["Q_Y", "ConditionEquations", "ModelUnknowns", "tie_cofactor"]
 
@@ -80,8 +85,7 @@ class ConditionEquations:
         (6, n + m), (3, n + m) the vectors in which the conditions are bilinear: of y rows the left
         ray, as `plane` scales it, of x rows (X, Z, 1) of the tie in the last three; right rays.
     plane
-        (n, 2) factor of each left ray, twice, which puts the conditions of y rows into weighted
-        image units.
+        (n,) factors of the left rays, which put the conditions of y rows into weighted image units.
     """
 
     def __init__(self, pair: Stereopair, tie_variance: TieVariance = "paper") -> None:
@@ -104,13 +108,14 @@ class ConditionEquations:
         self.right = self.p2.take(self.point, axis=1)
         x1 = self.x1 if n == len(points) else self.x1.take(self.point[:n], axis=1)
         plane = _FACTOR_Y / x1.take(_DEPTHS, axis=0)
-        self.plane = plane[:2].T
+        self.plane = plane[0]
         self.left = np.zeros((6, n + m))
         self.left[:3, :n] = x1 * plane
         self.tie_points = self.x1[:, :0]
         if m:
-            tied = np.array(list(map(ties.__getitem__, self.x_points)))
-            self.tie_points = (tied - pair.fixed.centre).T
+            x, y, z = pair.fixed.centre.tolist()
+            tied = map(ties.__getitem__, self.x_points)
+            self.tie_points = np.array([(X - x, Y - y, Z - z) for X, Y, Z in tied]).T
             self.left[3:5, n:] = self.tie_points[::2]
             self.left[5, n:] = 1.0
         self._heights = self.tie_points[2].repeat(ROWS).reshape(m, ROWS)
@@ -160,14 +165,22 @@ class ConditionEquations:
         return 1.0 / sqrt(self._tie_cofactor(bx))
 
     def tie_depths(self, bz: float) -> Array:
-        """Return (m, 3) -dZ of each tie, three times, from a right centre bz above the left one."""
-        depths: Array = bz - self._heights[:, :3]
+        """Return (m,) -dZ of the ties from a right projection centre bz above the left one."""
+        depths: Array = bz - self.tie_points[2]
         return depths
 
     def meet(self, state: ModelUnknowns) -> Intersection:
         """Return where the rays of every point meet, as seen from the left projection centre."""
         bx, beta_y, beta_z, rotation = state
         return intersect((bx, bx * beta_y, bx * beta_z), self.x1, rotation.dot(self.p2))
+
+    def front(self, state: ModelUnknowns) -> list[bool]:
+        """Return which of the points lie in front of both photos."""
+        bx, beta_y, beta_z, rotation = state
+        x2 = rotation.dot(self.p2)
+        left, right = ray_factors((bx, bx * beta_y, bx * beta_z), self.x1, x2)
+        front: list[bool] = lie_in_front(left, right).tolist()
+        return front
 
     def bx_of_ties(self, beta_z: float, rotation: Array) -> float | None:
         """Return the median bx that the ties ask for, one collinearity equation each."""

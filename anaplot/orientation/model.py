@@ -141,7 +141,7 @@ def orient(pair: Stereopair, precision: Precision, test: TestSettings) -> ModelS
         iterations=solution.iterations,
         tested=tested,
         names=pair.points,
-        coordinates=found.meet.points + pair.fixed.centre[:, None],
+        of_coordinates=partial(_coordinates, pair, conditions, state),
         ties=conditions.x_points,
         apriori_um=precision.image_um,
         tie_variance=precision.tie_variance,
@@ -201,6 +201,12 @@ def _off_rows(
         Observation.off(key, "um", value)
         for key, value in zip(keys, parallaxes.tolist(), strict=True)
     )
+
+
+def _coordinates(pair: Stereopair, conditions: ConditionEquations, state: ModelUnknowns) -> Array:
+    """(3, n) coordinates of the points in the strip system [mm]."""
+    with np.errstate(all="ignore"):
+        return conditions.meet(state).points + pair.fixed.centre[:, None]
 
 
 def _keys(conditions: ConditionEquations) -> list[Row]:

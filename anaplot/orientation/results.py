@@ -52,8 +52,8 @@ class ModelSolution(MadeAgain, TestedInMicrometres[Row]):
     tested
         The pseudo-observations [um]: all y, then all x, in the order of the left photo's points.
         Residuals are the parallaxes left: + r times an error of the row. Q_vv is in image units.
-    names, coordinates
-        The n points of the model, and their (3, n) model coordinates [mm].
+    names
+        The n points of the model.
     ties
         Names of the tie points used.
     apriori_um
@@ -69,8 +69,9 @@ class ModelSolution(MadeAgain, TestedInMicrometres[Row]):
         (n,) a-priori cofactors of the rows.
     unknowns
         Names of the unknowns.
-    of_design, of_unknowns, of_points
-        Compute `condition`, `q_gg` and `q_points`, which few ask for.
+    of_coordinates, of_design, of_unknowns, of_points
+        Compute the (3, n) `coordinates`, `condition`, `q_gg` and `q_points`, which the table does
+        not ask for.
     exact
         What `tie_variance` "exact" adds; None otherwise. Q_vv is then S, and sigma0 by v'S+v.
     off_rows
@@ -90,7 +91,6 @@ class ModelSolution(MadeAgain, TestedInMicrometres[Row]):
     iterations: int
     tested: Tested[Row]
     names: tuple[str, ...]
-    coordinates: Array = field(repr=False)
     ties: tuple[str, ...]
     apriori_um: float
     tie_variance: TieVariance
@@ -98,6 +98,7 @@ class ModelSolution(MadeAgain, TestedInMicrometres[Row]):
     remarks: tuple[str, ...]
     q_l: Array = field(repr=False)
     unknowns: tuple[str, ...]
+    of_coordinates: Callable[[], Array] = field(repr=False)
     of_design: Callable[[], float] = field(repr=False)
     of_unknowns: Callable[[], Array] = field(repr=False)
     of_points: Callable[[], Array] = field(repr=False)
@@ -110,6 +111,11 @@ class ModelSolution(MadeAgain, TestedInMicrometres[Row]):
     def name(self) -> str:
         """'left/right'."""
         return f"{self.left}/{self.right}"
+
+    @cached_property
+    def coordinates(self) -> Array:
+        """(3, n) model coordinates [mm] of the model's points."""
+        return self.of_coordinates()
 
     @cached_property
     def points(self) -> tuple[ModelPoint, ...]:

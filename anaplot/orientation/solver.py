@@ -20,7 +20,6 @@ from anaplot.errors import NotComputableError
 from anaplot.orientation.conditionequations import ConditionEquations, ModelUnknowns
 from anaplot.orientation.pair import Stereopair
 from anaplot.photogrammetry.block import TieVariance
-from anaplot.photogrammetry.intersection import Intersection
 from anaplot.photogrammetry.rotation import turn
 
 __all__ = [
@@ -195,8 +194,6 @@ class FoundOrientation(NamedTuple):
     ----------
     solution
         In the frame of the strip, unless `across`.
-    meet
-        Where the points' rays meet, as seen from the left projection centre.
     front
         Which points lie in front of both photos.
     across
@@ -204,15 +201,13 @@ class FoundOrientation(NamedTuple):
     """
 
     solution: ConvergedOrientation
-    meet: Intersection
     front: list[bool]
     across: bool = False
 
     @classmethod
     def of(cls, conditions: ConditionEquations, solution: ConvergedOrientation) -> FoundOrientation:
-        """Return what was found, with the points that it gives."""
-        meet = conditions.meet(solution.state)
-        return cls(solution, meet, meet.in_front.tolist())
+        """Return what was found, with where the points that it gives lie."""
+        return cls(solution, conditions.front(solution.state))
 
     @property
     def in_front(self) -> float:
@@ -468,19 +463,18 @@ def _implausibility(item: Candidate, apriori_mm: float) -> float:
     found, pair, conditions = item
     n = conditions.row_count
     misfit = n * log1p(found.solution.sum_of_squares / (n * apriori_mm**2))
-    return misfit + _strangeness(pair, found)
+    with np.errstate(all="ignore"):
+        return misfit + _strangeness(pair, found, conditions.meet(found.solution.state).points[2])
 
 
-def _strangeness(pair: Stereopair, found: FoundOrientation) -> float:
+def _strangeness(pair: Stereopair, found: FoundOrientation, depth: Array) -> float:
     """How little a result looks like aerial photography: tilts, base, relief, points behind.
 
     Flat terrain has two exact orientations; in the second one the terrain stands upright.
     """
     state = found.solution.state
-    depth = found.meet.points[2]
     middle = float(np.median(depth))
-    with np.errstate(all="ignore"):
-        relief: float = float(np.median(np.abs(depth / middle - 1.0)))
+    relief = float(np.median(np.abs(depth / middle - 1.0)))
     return float(
         (_tilt(pair, state.rotation) / 0.15) ** 2
         + (hypot(state.beta_y, state.beta_z) / 0.4) ** 2

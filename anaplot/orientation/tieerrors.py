@@ -525,11 +525,16 @@ def _misclosure_derivatives(
     depths = conditions.tie_depths(state.bx * state.beta_z)
     by_image = np.zeros((conditions.row_count, 4))
     by_left = right[:n].dot(between[:3].T.dot(fixed[:, :2]))
-    by_image[:n, :2] = by_left * conditions.plane
+    by_image[:n, :2] = by_left * _columns(conditions.plane, 2)
     by_image[:, 2:] = by_right = conditions.left.T.dot(between[:, :2])
-    by_image[n:, 2:] = by_right[n:] / depths[:, :2]
+    by_image[n:, 2:] = by_right[n:] / _columns(depths, 2)
     by_tie: Array = right[n:].dot(between[3:5].T.dot(fixed[::2]))
-    return by_image, by_tie / depths
+    return by_image, by_tie / _columns(depths, 3)
+
+
+def _columns(values: Array, count: int) -> Array:
+    """(n, count) columns of equal values, where to spread them out takes longer."""
+    return values.repeat(count).reshape(-1, count)
 
 
 def _point_derivatives(

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from anaplot.aliases import Array, Bools
 
-__all__ = ["Intersection", "intersect"]
+__all__ = ["Intersection", "intersect", "lie_in_front", "ray_factors"]
+
+_Base: TypeAlias = "tuple[float, float, float] | tuple[Array, Array, Array]"
+
+
+_NOTHING = np.array(0.0)
 
 
 class Intersection(NamedTuple):
@@ -29,12 +34,25 @@ class Intersection(NamedTuple):
     @property
     def in_front(self) -> Bools:
         """(..., n) whether a point lies in front of both photos."""
-        return np.minimum(self.left, self.right) > 0.0
+        return lie_in_front(self.left, self.right)
 
 
-def intersect(
-    base: tuple[float, float, float] | tuple[Array, Array, Array], x1: Array, x2: Array
-) -> Intersection:
+def lie_in_front(left: Array, right: Array) -> Bools:
+    """Return (..., n) whether points of such factors of their rays lie in front of both photos."""
+    return np.minimum(left, right) > _NOTHING
+
+
+def ray_factors(base: _Base, x1: Array, x2: Array) -> tuple[Array, Array]:
+    """Return the (..., n) factors of left and right rays that `intersect` finds, of the same."""
+    bx, _, bz = base
+    left_x, left_z, right_x, right_z = x1[0], x1[2], x2[0], x2[2]
+    determinant = right_x * left_z - left_x * right_z
+    left = (bz * right_x - bx * right_z) / determinant
+    right = (bz * left_x - bx * left_z) / determinant
+    return left, right
+
+
+def intersect(base: _Base, x1: Array, x2: Array) -> Intersection:
     """Intersect rays in the XZ plane; Y is the mean of the two rays (conventions).
 
     Parameters
@@ -49,13 +67,9 @@ def intersect(
     Intersection
         Parallel rays give infinite or NaN coordinates; the caller silences the division by zero.
     """
-    bx, by, bz = base
-    left_x, left_z, right_x, right_z = x1[0], x1[2], x2[0], x2[2]
-    determinant = right_x * left_z - left_x * right_z
-    left = (bz * right_x - bx * right_z) / determinant
-    right = (bz * left_x - bx * left_z) / determinant
+    left, right = ray_factors(base, x1, x2)
     points = left * x1
     y = points[1]
-    y += by + right * x2[1]
+    y += base[1] + right * x2[1]
     y *= 0.5
     return Intersection(points, left, right)

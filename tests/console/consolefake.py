@@ -82,7 +82,7 @@ def solution(gross: bool = True) -> ModelSolution:
         iterations=4,
         tested=tested,
         names=tuple(p for p, *_ in PATTERN),
-        coordinates=np.array([(x, y, -152.0 + 0.01 * x) for _, _, x, y in PATTERN]).T,
+        of_coordinates=lambda: np.array([(x, y, -152.0 + 0.01 * x) for _, _, x, y in PATTERN]).T,
         ties=tuple(p[0] for p in PATTERN if p[1] == "tie"),
         apriori_um=5.0,
         tie_variance="propagated",

@@ -63,10 +63,10 @@ def test_points_that_do_not_determine_the_ideal_model_have_none() -> None:
     solution = orient(ideal_pair("6"), PAPER, BAARDA)
     line, level = solution.coordinates.copy(), solution.coordinates.copy()
     line[1] = 0.0
-    assert np.isnan(ideal_roots(replace(solution, coordinates=line))).all()
+    assert np.isnan(ideal_roots(replace(solution, of_coordinates=lambda: line))).all()
     # at the height of the projection centre there is no photo place at all
     level[2, 0] = solution.centre[2]
-    assert np.isnan(ideal_roots(replace(solution, coordinates=level))).all()
+    assert np.isnan(ideal_roots(replace(solution, of_coordinates=lambda: level))).all()
 
 
 def test_modified_snooping_of_a_model_computes_exactly_only_in_doubt() -> None:

@@ -123,7 +123,7 @@ def test_a_mirrored_photo(which, seed):
 def test_a_later_model_without_ties():
     f = flight()
     first = bridge_flight(f)[0]
-    none = replace(first, names=(), coordinates=np.zeros((3, 0)))
+    none = replace(first, names=(), of_coordinates=lambda: np.zeros((3, 0)))
     refused(pair_of(f, 1, none), "without ties there is no scale")
     ties = [p for p in f.images[1] if p[0] == "1"]
     off = frozenset((p, "x") for p in ties)
@@ -144,7 +144,7 @@ def test_ties_that_do_not_determine_the_base(points):
     x, _, z = first.base
     at_centre = first.coordinates.copy()
     at_centre[0], at_centre[2] = x, z
-    pair = pair_of(f, 1, replace(first, coordinates=at_centre), points=points)
+    pair = pair_of(f, 1, replace(first, of_coordinates=lambda: at_centre), points=points)
     refused(pair, "ties do not determine the base")
 
 

@@ -144,7 +144,9 @@ def test_a_point_at_infinity_is_null_and_not_infinite():
     model = five_points()
     nowhere = np.array([[np.inf], [np.nan], [-np.inf]])
     cofactors = np.full((1, 3, 3), np.nan)
-    model = replace(model, names=("9",), coordinates=nowhere, of_points=lambda: cofactors)
+    model = replace(
+        model, names=("9",), of_coordinates=lambda: nowhere, of_points=lambda: cofactors
+    )
     data = answer_of(model)
     (point,) = data["points"]
     assert point == {"point": "9", **dict.fromkeys(("X", "Y", "Z", "sX", "sY", "sZ"))}
