@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from anaplot.adjustment import lapack
+from anaplot.adjustment.scalars import ONE, ZERO
 from anaplot.aliases import Array
 from anaplot.errors import NotComputableError
 
@@ -29,8 +30,6 @@ __all__ = [
     "adjust_combined",
     "adjust_weighted",
 ]
-
-_ZERO, _ONE = np.array(0.0), np.array(1.0)  # not floats, which are converted at every operation
 
 CONDITION_LIMIT = 1e4
 """Condition number (columns scaled to unit length) from which a design counts as rank deficient."""
@@ -293,7 +292,7 @@ def adjust_weighted(
         factors=factors,
         columns=q,
         closing=q[:, u] * diagonal[u] if n > u else np.zeros(n),
-        r=np.maximum(_ONE - hat.diagonal(), _ZERO),
+        r=np.maximum(ONE - hat.diagonal(), ZERO),
         vtpv=diagonal[u] ** 2 if n > u else 0.0,
         redundancy=n - u,
         at_most=at_most,

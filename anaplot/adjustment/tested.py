@@ -24,6 +24,7 @@ from anaplot.adjustment.reliability import (
     is_critical,
     residual_correlations,
 )
+from anaplot.adjustment.scalars import HALF, NONE, ONE, ZERO
 from anaplot.adjustment.significance import (
     TESTABLE,
     critical_normal,
@@ -32,12 +33,6 @@ from anaplot.adjustment.significance import (
     tau_power,
 )
 from anaplot.aliases import Array, Bools, Index, TestKind
-
-# Not floats, which every operation converts anew: half of its time where rows are few.
-_ZERO, _HALF, _ONE, _NONE = map(np.array, (0.0, 0.5, 1.0, np.nan))
-_LEAST_PART, _LESS_HALF = np.array(-1.0), np.array(-0.5)
-_LEAST = np.array(TESTABLE)
-_PRIOR = np.array(ERROR_PRIOR_SIGMAS**2)
 
 __all__ = [
     "AppliedTest",
@@ -490,21 +485,19 @@ def examine(
     applied = AppliedTest.of(test, redundancy)
     sigma0 = sqrt(vtpv / redundancy) if redundancy > 0 else None
     factor = applied.factor(sigma0)
-    testable = r >= _LEAST
+    testable = r >= TESTABLE
     if firm is not None:
         testable |= firm & (r > 0.0)
-    deviation = sigma * np.sqrt(np.maximum(r, _ZERO)) if deviation is None else deviation
-    tested = np.where(testable, deviation, _NONE)
+    deviation = sigma * np.sqrt(np.maximum(r, ZERO)) if deviation is None else deviation
+    tested = np.where(testable, deviation, NONE)
     # an error of one sigma shows with r of its size: in standard deviations of the residual
     shown = sigma * r / tested
-    expected = deviation
-    if factor != 1.0:
-        expected = np.full(len(r), np.nan) if factor is None else factor * deviation
-        # a residual exactly zero with sigma estimated as zero: nothing deviates from anything
-        tested = tested * (factor or np.nan)
+    expected = np.full(len(r), np.nan) if factor is None else factor * deviation
+    # a residual that is exactly zero with sigma estimated as zero: nothing deviates from anything
+    w = residual / (tested * (factor or np.nan))
     detectable = applied.delta0 / shown
-    effect = detectable * (np.sqrt(np.maximum(_ONE - r, _ZERO)) if moved is None else moved)
-    w, mdb = residual / tested, detectable * sigma
+    mdb = detectable * sigma
+    effect = detectable * (np.sqrt(np.maximum(ONE - r, ZERO)) if moved is None else moved)
     flagged = np.abs(w) > (np.inf if applied.critical is None else applied.critical)
     if rounding:
         flagged &= np.abs(residual) > rounding
@@ -522,9 +515,8 @@ def examine(
         mdb=mdb,
         effect=effect if firm is None else np.where(firm, np.nan, effect),
         flagged=flagged,
-        # np.ones takes twice as long
         use=~np.zeros(len(r), dtype=np.bool_) if use is None else use,
-        evidence=_PRIOR * (shown * shown),
+        evidence=ERROR_PRIOR_SIGMAS**2 * (shown * shown),
         ground=None if moved_ground is None else moved_ground * mdb[:, None],
         dense=dense,
     )
@@ -547,13 +539,12 @@ def log_bayes_factor(g: Array, square: Array, redundancy: int, kind: TestKind) -
     kind
         "baarda": sigma known; "tau": sigma estimated.
     """
-    shrink = g / (_ONE + g)
+    shrink = g / (ONE + g)
     if sigma0_known(kind):
-        return np.asarray(_HALF * (square * shrink - np.log1p(g)))
-    f = redundancy
+        return np.asarray(HALF * (square * shrink - np.log1p(g)))
     # w^2 cannot exceed f but for rounding; the bracket stays positive because shrink < 1
-    less = np.maximum(square / -f, _LEAST_PART) * shrink
-    return np.asarray(_LESS_HALF * (np.log1p(g) + f * np.log1p(less)))
+    less = np.maximum(square / -redundancy, -1.0) * shrink
+    return np.asarray(-0.5 * (np.log1p(g) + redundancy * np.log1p(less)))
 
 
 def error_odds(g: Array, size: Array, redundancy: int, kind: TestKind) -> Odds:

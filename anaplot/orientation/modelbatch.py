@@ -18,7 +18,7 @@ from anaplot.orientation.conditionequations import Q_Y, tie_cofactor
 from anaplot.orientation.solver import CONVERGED, FEW_ITERATIONS, LARGEST_TURN, looks_right
 from anaplot.photogrammetry.block import TieVariance
 from anaplot.photogrammetry.collinearity import turns
-from anaplot.photogrammetry.conditions import coefficients_of_many, products
+from anaplot.photogrammetry.conditions import coefficients_of_many, products_of_many
 from anaplot.photogrammetry.intersection import Intersection, intersect
 
 __all__ = ["ModelBatch", "OrientedModels", "orient_at_once"]
@@ -124,10 +124,10 @@ class _Conditions:
         self._there = batch.right[:, 2] != 0.0
         self._x1 = batch.rotation @ batch.left
         plane = self._x1 * np.where(batch.y, -(Q_Y**-0.5) / self._x1[:, 2], 0.0)[:, None]
-        self._plane = products(plane, batch.right)
+        self._plane = products_of_many(plane, batch.right)
         horizontal = batch.ties[:, (0, 2, 2)]
         horizontal[:, 2] = 1.0
-        self._tied = products(np.where(batch.x[:, None], horizontal, 0.0), batch.right)
+        self._tied = products_of_many(np.where(batch.x[:, None], horizontal, 0.0), batch.right)
 
     def _normal(self, at: _Unknowns) -> Array:
         """(m, 7, 7) sums of products of derivatives and misclosures [mm^2]."""

@@ -16,7 +16,14 @@ import numpy as np
 
 from anaplot.aliases import Array
 
-__all__ = ["ROWS", "coefficients", "coefficients_of_many", "misclosure_coefficients", "products"]
+__all__ = [
+    "ROWS",
+    "coefficients",
+    "coefficients_of_many",
+    "misclosure_coefficients",
+    "products",
+    "products_of_many",
+]
 
 
 ROWS = 7
@@ -93,13 +100,19 @@ _COEFFICIENTS = ROWS, 18
 
 
 def products(first: Array, second: Array) -> Array:
-    """Return (..., 3k, n) products of the components of a (..., k, n) and a (..., 3, n) array.
+    """Return (3k, n) products of the components of a (k, n) and a (3, n) array.
 
     The first array's index is the slowest.
     """
-    # of arrays of equal shape: to spread them over one another takes several times as long
-    count = first.shape[-2]
-    return first.take(_FIRST[: 3 * count], axis=-2) * second.take(_SECOND[: 3 * count], axis=-2)
+    # of arrays of equal shape: to spread few numbers over one another takes several times as long
+    count = 3 * len(first)
+    return first.take(_FIRST[:count], axis=0) * second.take(_SECOND[:count], axis=0)
+
+
+def products_of_many(first: Array, second: Array) -> Array:
+    """Return the (m, 3k, n) `products` of m models, of (m, k, n) and (m, 3, n) arrays."""
+    models, _, n = second.shape
+    return (first[:, :, None] * second[:, None]).reshape(models, -1, n)
 
 
 def coefficients(

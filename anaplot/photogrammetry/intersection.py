@@ -6,14 +6,12 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
+from anaplot.adjustment.scalars import ZERO
 from anaplot.aliases import Array, Bools
 
 __all__ = ["Intersection", "intersect", "lie_in_front", "ray_factors"]
 
 _Base: TypeAlias = "tuple[float, float, float] | tuple[Array, Array, Array]"
-
-
-_NOTHING = np.array(0.0)
 
 
 class Intersection(NamedTuple):
@@ -39,7 +37,7 @@ class Intersection(NamedTuple):
 
 def lie_in_front(left: Array, right: Array) -> Bools:
     """Return (..., n) whether points of such factors of their rays lie in front of both photos."""
-    return np.minimum(left, right) > _NOTHING
+    return np.minimum(left, right) > ZERO
 
 
 def ray_factors(base: _Base, x1: Array, x2: Array) -> tuple[Array, Array]:
