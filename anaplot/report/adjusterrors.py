@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import TypeVar
 
 import numpy as np
 
@@ -47,6 +48,8 @@ __all__ = [
     "errors_document",
     "rejected_table",
 ]
+
+_T = TypeVar("_T")
 
 _MOST = 30  # rows of a list in the text; JSON holds them all
 _ODDS = 0.01  # smallest probability shown
@@ -383,6 +386,28 @@ def _listed(title: str | Line, lines: list[Line]) -> list[Block]:
     return [say("  {}:", title), Listed(tuple(say("    {}", line) for line in lines), _MOST)]
 
 
+def _each(rows: Sequence[_T], one: Callable[[_T], Answer]) -> Sequence[Answer]:
+    """Return what programs are told of each of thousands of rows, when they ask."""
+    return Later(len(rows), lambda some: [one(rows[k]) for k in some])
+
+
+def _rejection_json(row: Rejection[ObservationName]) -> Answer:
+    return {
+        **name_json(row.name),
+        "order": row.order,
+        "statistic": row.statistic,
+        "critical": row.critical,
+        "error": row.error,
+        "sigma": row.sigma,
+        "unit": row.unit,
+        "w": row.w,
+        "r": row.r_back,
+        "redundancy_number": row.r,
+        "weight": row.weight,
+        "partners": [name_json(name) for name in row.partners],
+    }
+
+
 def _json(cleaned: BlockFindings) -> Answer:
     """Return the rejected observations of a block for programs.
 
@@ -399,35 +424,23 @@ def _json(cleaned: BlockFindings) -> Answer:
         "sigma0_before": None if cleaned.first is None else cleaned.first.sigma0,
         "redundancy_before": None if cleaned.first is None else cleaned.first.redundancy,
         "no_solution": cleaned.begun.reason or None,
-        "begun_without": [name_json(name) for name in cleaned.begun.left_out],
+        "begun_without": _each(cleaned.begun.left_out, name_json),
         "points_left_out": list(cleaned.points),
-        "rejected": [
-            {
-                **name_json(row.name),
-                "order": row.order,
-                "statistic": row.statistic,
-                "critical": row.critical,
-                "error": row.error,
-                "sigma": row.sigma,
-                "unit": row.unit,
-                "w": row.w,
-                "r": row.r_back,
-                "redundancy_number": row.r,
-                "weight": row.weight,
-                "partners": [name_json(name) for name in row.partners],
-            }
-            for row in cleaned.rejected
-        ],
+        "rejected": _each(cleaned.rejected, _rejection_json),
         "ground": change_json(cleaned.point_change, "m"),
         "misnamed": [ray._asdict() for ray in cleaned.misnamed],
-        "came_back": [name_json(name) for name in cleaned.came_back],
-        "hard_to_tell": [
-            {"rejected": name_json(gone), "kept": name_json(kept), "correlation": rho}
-            for gone, kept, rho in cleaned.hard_to_tell
-        ],
-        "untestable": [name_json(name) for name in cleaned.untestable],
+        "came_back": _each(cleaned.came_back, name_json),
+        "hard_to_tell": _each(
+            cleaned.hard_to_tell,
+            lambda pair: {
+                "rejected": name_json(pair[0]),
+                "kept": name_json(pair[1]),
+                "correlation": pair[2],
+            },
+        ),
+        "untestable": _each(cleaned.untestable, name_json),
         "refused": [{**name_json(r.name), "reason": r.reason} for r in cleaned.refused],
-        "steps": [_step_json(step, names) for step in found.steps],
+        "steps": _each(found.steps, lambda step: _step_json(step, names)),
         "odds": {
             "sigma0": sigma0_in_words(found.strategy),
             "none": found.odds.none,
