@@ -296,7 +296,7 @@ def block_gross_errors(
             raise InputError(
                 f"block {problem.block.name}: {what} of {n} observations: at most {most}"
             )
-    way = WithoutFirst(_NEAR)
+    way = WithoutFirst(_NEAR, watch)
     # else the second place is not that of this way
     ahead = way if problem.bare is problem and not problem.newly_rejected.any() else None
     if isinstance(block, AdjustedBlock):
@@ -306,7 +306,7 @@ def block_gross_errors(
     if least.points:
         problem = without_points(problem, least.points, FAR_APART)
     second = _second_place(problem.every, least.block, way)
-    first = BlockBefore.of(least.block, keep=second is None)
+    first = BlockBefore.of(least.block, keep=second is None or least.block is block)
     begun = Begun(first, *least[1:])
     del least  # as large as the block
     if second is not None and second.points:

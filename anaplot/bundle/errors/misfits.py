@@ -87,6 +87,8 @@ class WithoutFirst:
     ----------
     enough
         As `find_minimum` has it, of the minimum without them.
+    progress
+        Called with what is being done and the fraction of it.
 
     Attributes
     ----------
@@ -95,8 +97,8 @@ class WithoutFirst:
         and its minimum; None: it was not taken.
     """
 
-    def __init__(self, enough: float) -> None:
-        self._enough = enough
+    def __init__(self, enough: float, progress: Progress | None = None) -> None:
+        self._enough, self._progress = enough, progress
         self.found: tuple[RobustState, Problem, Minimum] | None = None
 
     def __call__(
@@ -106,12 +108,14 @@ class WithoutFirst:
         self.found = None
         if not solution.explains(problem):
             return None
-        place = solution.place
-        least = minimum_without_misfits(problem, structure, place, enough=self._enough)
+        least = minimum_without_misfits(
+            problem, structure, solution.place, enough=self._enough, progress=self._progress
+        )
         if least is None or least[1].normal.structure is not structure:
             return None
         self.found = solution, *least
-        return led_by_factor(problem, structure, least[1].state, least[1].factor)
+        clean = least[1]
+        return led_by_factor(problem, structure, clean.state, clean.factor, self._progress)
 
 
 def adjust_without_misfits(
