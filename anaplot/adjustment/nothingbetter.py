@@ -118,11 +118,8 @@ def _plainly_best(e: Array, matrix: Array, rows: Index, cost: float) -> Bools:
     back = _sums(np.sort(error**2 * r[each, rows], axis=1))
     most = min(q + 1, k)
     instead = _sums(-np.sort(-(left**2), axis=1)[:, :most])
-    size = np.abs(matrix) * root[:, :, None] * root[:, None, :]
-    size[:, np.arange(k), np.arange(k)] = 0.0
     beside = min(2 * q, k - 1)
-    largest = -np.sort(np.partition(-size, beside - 1, axis=2)[:, :, :beside], axis=2)
-    m = 1.0 - _sums(largest).max(axis=1)
+    m = _shares(matrix, live, beside)
     for p in range(1, q + 1):
         for u in range(min(p + 1, most) + 1):
             least = m[:, min(q + u - 1, beside)]
@@ -173,7 +170,7 @@ def no_set_better(system: DenseResiduals, rows: Sequence[int], critical: float) 
     returned = np.where(back, error[0], 0.0)
     lost = np.einsum("ci,cij,cj->c", returned, whole, returned)
     least = np.einsum("ci,ci->c", returned**2, r)
-    apart, together = _shares(whole, others), _shares(whole, back | others)
+    apart, together = _shares(whole, others, k), _shares(whole, back | others, k)
     mine = np.where(others, 1.0 / np.where(others, r, 1.0), 0.0)
     instead, beside = (
         _sums(-np.sort(-(part**2) * mine, axis=1))
@@ -200,11 +197,12 @@ def _explained(e: Array, matrix: Array) -> float:
     return float(np.sum((e @ along) ** 2 / np.maximum(size, TESTABLE)))
 
 
-def _shares(matrix: Array, rows: Bools) -> Array:
-    """(c, k) shares of their lengths that 1, 2, ... of some rows keep beside each other."""
+def _shares(matrix: Array, rows: Bools, most: int) -> Array:
+    """(c, most + 1) shares of their lengths that 1, 2, ... of some rows keep beside each other."""
     r = np.einsum("cii->ci", matrix)
     good = rows & (r > 0.0)
     root = np.where(good, 1.0 / np.sqrt(np.where(good, r, 1.0)), 0.0)
     size = np.abs(matrix) * root[:, :, None] * root[:, None, :]
     np.einsum("cii->ci", size)[:] = 0.0
-    return np.asarray(1.0 - _sums(-np.sort(-size, axis=2)).max(axis=1))
+    largest = -np.sort(np.partition(-size, most - 1, axis=2)[:, :, :most], axis=2)
+    return np.asarray(1.0 - _sums(largest).max(axis=1))
