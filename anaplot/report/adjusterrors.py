@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from typing import TypeVar
 
 import numpy as np
@@ -387,8 +388,9 @@ def _listed(title: str | Line, lines: list[Line]) -> list[Block]:
 
 
 def _each(rows: Sequence[_T], one: Callable[[_T], Answer]) -> Sequence[Answer]:
-    """Return what programs are told of each of thousands of rows, when they ask."""
-    return Later(len(rows), lambda some: [one(rows[k]) for k in some])
+    """Return what programs are told of each of thousands of rows: made when they ask, once."""
+    made = cache(lambda: [*map(one, rows)])
+    return Later(len(rows), lambda some: [made()[k] for k in some])
 
 
 def _rejection_json(row: Rejection[ObservationName]) -> Answer:
