@@ -12,7 +12,6 @@ from startkinds import drone, measured, with_mismatches
 
 from anaplot.bundle.adjust import adjust_problem
 from anaplot.bundle.errors import misfits
-from anaplot.bundle.errors.before import deviations_of
 from anaplot.bundle.errors.grosserrors import block_gross_errors
 from anaplot.bundle.errors.misfits import minimum_without_misfits
 from anaplot.bundle.solve import somepoints
@@ -242,5 +241,7 @@ def test_a_torn_block_is_reached_through_that_without_its_errors(
     again = through.first.whole()
     assert again.vtpv == pytest.approx(through.first.vtpv, rel=1e-12)
     np.testing.assert_allclose(again.cofactors.r, through.first.r, atol=1e-12)
-    np.testing.assert_allclose(deviations_of(again), through.first.deviations, rtol=1e-9)
+    np.testing.assert_allclose(
+        again.cofactors.point_deviations, through.first.deviations, rtol=1e-9
+    )
     assert again.warnings == through.first.warnings

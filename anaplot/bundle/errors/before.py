@@ -7,9 +7,6 @@ are let go of meanwhile.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from math import sqrt
-
-import numpy as np
 
 from anaplot.aliases import Array
 from anaplot.bundle.adjust import evaluate
@@ -19,7 +16,7 @@ from anaplot.bundle.solve.imaging import BlockState, RobustPlace
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.structure import Structure
 
-__all__ = ["BlockBefore", "deviations_of"]
+__all__ = ["BlockBefore"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +25,7 @@ class BlockBefore:
 
     Attributes
     ----------
-    problem, state, convergence, vtpv, redundancy, v, warnings, robust
+    problem, state, convergence, vtpv, redundancy, sigma0, v, warnings, robust
         As `AdjustedBlock` has them.
     structure
         Of its normal equations.
@@ -46,6 +43,7 @@ class BlockBefore:
     convergence: Convergence
     vtpv: float
     redundancy: int
+    sigma0: float | None
     v: Array = field(repr=False)
     r: Array = field(repr=False)
     deviations: Array = field(repr=False)
@@ -63,18 +61,14 @@ class BlockBefore:
             block.convergence,
             block.vtpv,
             block.redundancy,
+            block.sigma0,
             block.v,
             block.cofactors.r,
-            deviations_of(block),
+            block.cofactors.point_deviations,
             block.warnings,
             block.robust,
             block if keep else None,
         )
-
-    @property
-    def sigma0(self) -> float | None:
-        """Factor sqrt(v'Pv / redundancy); None without redundancy."""
-        return sqrt(self.vtpv / self.redundancy) if self.redundancy > 0 else None
 
     def whole(self) -> AdjustedBlock:
         """Return the whole adjustment, made anew where it was let go of."""
@@ -83,9 +77,3 @@ class BlockBefore:
         equations = equations_at(self.problem, self.structure, self.state)
         found = Minimum(self.state, *equations, self.convergence)
         return evaluate(self.problem, found, robust=self.robust)
-
-
-def deviations_of(block: AdjustedBlock) -> Array:
-    """(p, 3) standard deviations of the points [m], with the a-priori sigma0."""
-    variances = np.einsum("nii->ni", block.cofactors.points)
-    return np.asarray(np.sqrt(np.maximum(variances, 0.0)))

@@ -37,7 +37,7 @@ from anaplot.adjustment.significance import critical_normal
 from anaplot.adjustment.strategies import STRATEGIES
 from anaplot.adjustment.watch import Watch
 from anaplot.bundle.adjust import evaluate, points_settled
-from anaplot.bundle.errors.before import BlockBefore, deviations_of
+from anaplot.bundle.errors.before import BlockBefore
 from anaplot.bundle.errors.blockrows import BlockPlace, BlockRows
 from anaplot.bundle.errors.controlagreed import agreed_places, contradicted, doubtful
 from anaplot.bundle.errors.laterresiduals import AllRows
@@ -167,7 +167,7 @@ class BlockFindings(Cleaned[BlockPlace, ObservationName, AllRows]):
             names,
             before.points[old],
             after.points[new] + (after.origin - before.origin),
-            (self.first.deviations[old], deviations_of(self.block)[new]),
+            (self.first.deviations[old], self.block.cofactors.point_deviations[new]),
         )
 
     @property

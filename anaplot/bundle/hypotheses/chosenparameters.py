@@ -434,10 +434,7 @@ def _ground(before: AdjustedBlock, after: AdjustedBlock) -> PointChange | None:
     old = {name: k for k, name in enumerate(before.problem.points)}
     at = [old[name] for name in after.problem.points]
     places = before.state.points[at] + (before.state.origin - after.state.origin)
-    sigmas = tuple(
-        np.sqrt(np.maximum(np.einsum("nii->ni", one.cofactors.points), 0.0))
-        for one in (before, after)
-    )
+    sigmas = tuple(one.cofactors.point_deviations for one in (before, after))
     return point_change(
         after.problem.points, places, after.state.points, (sigmas[0][at], sigmas[1])
     )

@@ -222,9 +222,7 @@ class AdjustedBlock:
     def _indicators(self) -> Indicators:
         r = self.cofactors.r
         x, y = (r.mean(axis=0) if self.problem.rejected is None else self._mean_r()).tolist()
-        # a coordinate free of error has the cofactor zero
-        deviation = np.sqrt(np.maximum(np.einsum("nii->ni", self.cofactors.points), 0.0))
-        ai_x, ai_y, ai_z = deviation.mean(axis=0).tolist()
+        ai_x, ai_y, ai_z = self.cofactors.point_deviations.mean(axis=0).tolist()
         return Indicators(x, y, (x + y) / 2.0, ai_x, ai_y, ai_z, (ai_x + ai_y + ai_z) / 3.0)
 
     def _mean_r(self) -> Array:

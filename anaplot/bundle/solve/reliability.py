@@ -178,6 +178,12 @@ class Cofactors:
     change: DatumChange | None = field(default=None, repr=False)
     offsets: OffsetCofactors | None = field(default=None, repr=False)
 
+    @property
+    def point_deviations(self) -> Array:
+        """(p, 3) standard deviations of the points [m], with the a-priori sigma0."""
+        # a coordinate free of error has the cofactor zero, but for rounding
+        return np.asarray(np.sqrt(np.maximum(np.einsum("nii->ni", self.points), 0.0)))
+
     def rays_of(self, point: int) -> Index:
         """Return the rays of a point, which stand side by side."""
         groups = self.normal.problem.groups

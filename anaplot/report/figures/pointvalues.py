@@ -19,8 +19,7 @@ def point_deviations(block: AdjustedBlock) -> Array | None:
     """Return (p, 3) standard deviations in X, Y, Z [m]; None where sigma0 does not exist."""
     if block.sigma is None:
         return None
-    variance = np.einsum("nii->ni", block.cofactors.points)
-    return np.asarray(block.sigma * np.sqrt(np.maximum(variance, 0.0)))
+    return block.sigma * block.cofactors.point_deviations
 
 
 def largest_detectable(block: AdjustedBlock) -> Array:

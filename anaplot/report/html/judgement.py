@@ -292,7 +292,7 @@ def mean_deviations(block: AdjustedBlock) -> tuple[float, float, float] | None:
     if block.sigma is None:
         return None
     problem = block.problem
-    s = block.sigma * np.sqrt(np.maximum(np.einsum("nii->ni", block.cofactors.points), 0.0))
+    s = block.sigma * block.cofactors.point_deviations
     unknown = ~problem.fixed if problem.datum == "control" else np.ones(s.shape, dtype=bool)
     new = unknown & ~np.isfinite(problem.known_sigma)
     out = [
