@@ -39,11 +39,11 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, Protocol
+from typing import Literal, NamedTuple
 
 import numpy as np
 
-from anaplot.adjustment.doubts import Doubts, Touching
+from anaplot.adjustment.doubts import Doubts
 from anaplot.adjustment.elimination import Elimination, NotSeparableError
 from anaplot.adjustment.findings import SearchStep
 from anaplot.adjustment.nothingbetter import no_set_better, nothing_better, surely_best
@@ -51,18 +51,16 @@ from anaplot.adjustment.partners import EQUAL
 from anaplot.adjustment.places import Place, Places, plainly_rejected
 from anaplot.adjustment.reliability import HARD_TO_TELL
 from anaplot.adjustment.search import search
-from anaplot.adjustment.significance import TESTABLE, critical_normal
+from anaplot.adjustment.significance import critical_normal
 from anaplot.adjustment.stepwise import rule_of, step_by_step
 from anaplot.adjustment.watch import Watch
-from anaplot.aliases import Array, Bools, Index
+from anaplot.adjustment.withoutrows import RowsGiven, WithoutRows, places_without, standardized
+from anaplot.aliases import Bools, Index
 
 __all__ = [
     "ApartEnd",
-    "RowsGiven",
-    "WithoutRows",
+    "FarOff",
     "clean_apart",
-    "places_without",
-    "standardized",
 ]
 
 
@@ -73,75 +71,24 @@ _NEGLIGIBLE = 0.1  # sigmas of doubt that count for nothing
 _IN_THE_MEAN = 0.1  # of its bound that an element of R has, on the way from a robust solution
 
 
-class RowsGiven(Protocol):
-    """All rows of an adjustment, seen from what it is without some of them."""
+class FarOff(NamedTuple):
+    """What goes at a place to begin with.
 
-    @property
-    def e(self) -> Array:
-        """(n,) misclosures left in a-priori sigmas; of a row that is out its estimated error."""
-        ...
+    Attributes
+    ----------
+    rows
+        (k,) its rows.
+    steps
+        How some of them go, the largest first; their numbers count within the place.
+    """
 
-    @property
-    def r(self) -> Array:
-        """(n,) redundancy numbers; of a row that is out the one that it has if it comes back."""
-        ...
+    rows: Index
+    steps: list[SearchStep]
 
-    @property
-    def vtpv(self) -> float:
-        """The v'Pv of what is in."""
-        ...
-
-    @property
-    def exact(self) -> bool:
-        """Whether redundancy numbers have what places do to each other."""
-        ...
-
-    def back(self, row: int) -> float | None:
-        """Return that of one row, with what places do to each other.
-
-        None of a row that was in where all is seen from, or where it is not found.
-        """
-        ...
-
-    def places_of(self, rows: Index) -> Index:
-        """Return (k,) the places of k rows; -1 of a row that has none."""
-        ...
-
-    def places(self, numbers: Index) -> Iterator[Places]:
-        """Yield places by their numbers, in any order, those of as many rows together."""
-        ...
-
-    def reach(self, numbers: Index) -> Array:
-        """Return (k,) the `reach_of` places."""
-        ...
-
-    def touching(self, numbers: Index) -> Touching:
-        """Return what k places have in common."""
-        ...
-
-
-def places_without(given: RowsGiven, numbers: Index, out: Collection[int]) -> Iterator[Places]:
-    """Yield places by their numbers, in which some rows are out for good."""
-    gone = np.zeros(len(given.e), dtype=bool)
-    gone[list(out)] = True
-    return (places.without(gone) for places in given.places(numbers))
-
-
-class WithoutRows(Protocol):
-    """What an adjustment is without some of its rows."""
-
-    @property
-    def begun(self) -> Collection[int]:
-        """Rows without which the place was found where all is linearised."""
-        ...
-
-    def adjusted(self, out: Sequence[int]) -> RowsGiven:
-        """Return all rows, adjusted anew without some."""
-        ...
-
-    def drafted(self, out: Sequence[int]) -> RowsGiven:
-        """Return all rows: misclosures as `adjusted`, redundancy numbers by the place alone."""
-        ...
+    def gone(self, step: SearchStep) -> list[int]:
+        """Return which of all rows go by one of the steps."""
+        gone: list[int] = self.rows[list(step.rows)].tolist()
+        return gone
 
 
 class ApartEnd(NamedTuple):
@@ -175,6 +122,7 @@ def clean_apart(
     held: Collection[int] = (),
     draft: bool = False,
     best: bool = False,
+    begin: Sequence[FarOff] | None = None,
 ) -> ApartEnd:
     """Reject by w-tests, place by place, until no row that is in or out is beyond its limit.
 
@@ -197,8 +145,12 @@ def clean_apart(
     best
         Whether the best set of every place is searched for, see `search`, not only the end of
         rejecting one after another.
+    begin
+        What goes at places to begin with, the largest first; None: what the place of linearisation
+        was found without.
     """
-    return _Sweeps(without, suspects, most, alpha, watch, sorted(held), draft, best).run()
+    sweeps = _Sweeps(without, suspects, most, alpha, watch, sorted(held), draft, best)
+    return sweeps.run(begin)
 
 
 @dataclass(frozen=True, slots=True)
@@ -224,15 +176,17 @@ class _Sweeps:
         """Critical value of w."""
         return critical_normal(self.alpha)
 
-    def run(self) -> ApartEnd:
+    def run(self, begin: Sequence[FarOff] | None) -> ApartEnd:
         """Go on until nothing changes or a set recurs."""
         steps: list[SearchStep] = []
         remarks: tuple[str, ...] = ()
-        out, number = self._begun(), 1
+        out, number = self._begun() if begin is None else self._first_of(begin), 1
         # of what the place was found without all is known there
-        exact = bool(out) and not self.draft
+        exact = begin is None and bool(out) and not self.draft
         given = self._given(out, number, exact=exact)
-        if out:
+        if begin is not None:
+            steps = self._gone(given, out, begin)
+        elif out:
             begun = self._sweep(given, out, anew=True, share=_IN_THE_MEAN if self.robust else 1.0)
             steps, number = begun.steps, 2
             if begun.out != out:
@@ -279,6 +233,32 @@ class _Sweeps:
         if len(rows) > self.most:
             return frozenset()
         return frozenset(rows[self.suspects[rows]].tolist()).difference(self.held)
+
+    def _first_of(self, begin: Sequence[FarOff]) -> frozenset[int]:
+        """Return what goes to begin with: of the largest as many as may."""
+        out: set[int] = set()
+        for there in begin:
+            for step in there.steps:
+                if len(out) + len(step.rows) > self.most:
+                    break
+                out.update(there.gone(step))
+        return frozenset(out)
+
+    def _gone(
+        self, given: RowsGiven, out: frozenset[int], begin: Sequence[FarOff]
+    ) -> list[SearchStep]:
+        """Return the steps by which that went, to what is given without it."""
+        gone = [
+            (there.rows, step)
+            for there in begin
+            for step in there.steps
+            if out.issuperset(there.gone(step))
+        ]
+        value = given.vtpv + sum(step.before - step.after for _, step in gone)
+        changes = self._changes(value, frozenset(), exchange=False)
+        for rows, step in gone:
+            changes.add(step, rows)
+        return changes.steps
 
     def _given(self, out: frozenset[int], number: int, *, exact: bool) -> RowsGiven:
         self.watch(f"sweep {number}, {len(out)} rejected", 0.0)
@@ -550,15 +530,3 @@ def _rival(place: Place, out: frozenset[int], step: SearchStep) -> float:
     row, r = step.rows[0], place.system.r
     alike = np.abs(place.system.matrix[row]) >= HARD_TO_TELL * np.sqrt(r * r[row])
     return float(np.max(np.nan_to_num(np.where(alike, 0.0, size)), initial=0.0))
-
-
-def standardized(given: RowsGiven, out: Collection[int]) -> Array:
-    """Return (n,) abs(w), of rows that are out that of their estimated errors; NaN: no test."""
-    rows = np.array([*out], dtype=np.intp)
-    good = given.r >= TESTABLE
-    good[rows] = given.r[rows] > 0.0
-    size = np.full(len(given.r), np.nan)
-    np.sqrt(given.r, out=size, where=good)
-    np.divide(np.abs(given.e), size, out=size, where=good)
-    size[rows] *= given.r[rows]
-    return size

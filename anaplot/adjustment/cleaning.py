@@ -14,7 +14,6 @@ from typing import Generic, NamedTuple, Protocol, TypeVar, cast
 
 import numpy as np
 
-from anaplot.adjustment.apart import WithoutRows
 from anaplot.adjustment.elimination import NotSeparableError
 from anaplot.adjustment.findings import Findings, SearchSettings
 from anaplot.adjustment.foundapart import Apart
@@ -26,6 +25,7 @@ from anaplot.adjustment.strategies import find_gross_errors, findings_at, sigma_
 from anaplot.adjustment.tested import sigma0_known
 from anaplot.adjustment.watch import Watch
 from anaplot.adjustment.weightsbegin import WeightsBegin
+from anaplot.adjustment.withoutrows import WithoutRows
 from anaplot.aliases import Array, Bools
 from anaplot.errors import NotComputableError
 

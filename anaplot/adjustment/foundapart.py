@@ -9,14 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from anaplot.adjustment.apart import (
-    ApartEnd,
-    RowsGiven,
-    WithoutRows,
-    clean_apart,
-    places_without,
-    standardized,
-)
+from anaplot.adjustment.apart import ApartEnd, clean_apart
 from anaplot.adjustment.elimination import testable
 from anaplot.adjustment.findings import (
     FinalStatistics,
@@ -30,15 +23,18 @@ from anaplot.adjustment.leftout import remaining, spread
 from anaplot.adjustment.places import Places
 from anaplot.adjustment.reliability import ERROR_PRIOR_SIGMAS, NONE_PRIOR
 from anaplot.adjustment.residualsystem import ResidualSystem
+from anaplot.adjustment.reweighting import Reweighting
+from anaplot.adjustment.robustapart import far_off
 from anaplot.adjustment.significance import TESTABLE, critical_normal
 from anaplot.adjustment.tested import Odds, error_odds, log_bayes_factor
 from anaplot.adjustment.watch import Watch
+from anaplot.adjustment.withoutrows import RowsGiven, WithoutRows, places_without, standardized
 from anaplot.aliases import Array, Bools, Index
 
 __all__ = ["APART", "Apart", "found_apart", "found_apart_at", "stopped_at"]
 
 
-APART = ("baarda", "search")
+APART = ("baarda", "search", "huber", "danish")
 """Strategies that clean rows apart."""
 
 _FAR_MORE = 40.0  # log of how much more probable the row that is far off is than all else
@@ -73,6 +69,7 @@ def found_apart(
     left_out: Collection[int],
     watch: Watch | None,
     apart: Apart,
+    robust: Reweighting | None = None,
 ) -> Findings:
     """Search for gross errors, rows that do not touch apart.
 
@@ -80,19 +77,29 @@ def found_apart(
     ----------
     system, strategy, settings, suspects, left_out, watch, apart
         As `find_gross_errors` has them; the strategy is one of `APART`.
+    robust
+        What "huber" and "danish" begin with: what this leaves far off goes, and comes back.
     """
     n, most = len(system.names), settings.room(system.redundancy - len(left_out))
     allowed = np.ones(n, dtype=bool) if suspects is None else suspects
+    going, begin = allowed, None
+    if robust is not None:
+        begin = far_off(apart.without, robust, settings.alpha, allowed, most, left_out)
+        going = np.zeros(n, dtype=bool)
     end = clean_apart(
         apart.without,
-        allowed,
+        going,
         most,
         settings.alpha,
         Watch() if watch is None else watch,
         held=left_out,
         draft=apart.draft,
         best=strategy == "search",
+        begin=begin,
     )
+    if robust is not None:
+        remarks = (*robust.remarks, *end.remarks)
+        end = end._replace(steps=[*robust.steps, *end.steps], remarks=remarks)
     if len(end.rows) >= most:
         size = np.where(allowed, standardized(end.given, [*end.rows, *left_out]), np.nan)
         size[[*end.rows, *left_out]] = np.nan
@@ -101,7 +108,8 @@ def found_apart(
     # of a pass that changes something nobody asks for more than what it rejects
     same = {*end.rows, *left_out} == {*apart.without.begun, *left_out}
     last = not end.rows if apart.draft else same
-    return _findings(system, strategy, settings, allowed, left_out, apart, end, last=last)
+    weights = None if robust is None else robust.weights
+    return _findings(system, strategy, settings, allowed, left_out, apart, end, weights, last=last)
 
 
 def found_apart_at(
@@ -115,8 +123,9 @@ def found_apart_at(
     rows = tuple(sorted(findings.rows))
     given = apart.without.adjusted(sorted({*rows, *left_out}))
     end = ApartEnd(given, rows, list(findings.steps), findings.remarks)
-    every = np.ones(len(system.names), dtype=bool)
-    return _findings(system, findings.strategy, settings, every, left_out, apart, end, last=True)
+    every, weights = np.ones(len(system.names), dtype=bool), findings.at_end.weights
+    strategy = findings.strategy
+    return _findings(system, strategy, settings, every, left_out, apart, end, weights, last=True)
 
 
 def _findings(
@@ -127,6 +136,7 @@ def _findings(
     left_out: Collection[int],
     apart: Apart,
     end: ApartEnd,
+    weights: Array | None,
     *,
     last: bool,
 ) -> Findings:
@@ -137,14 +147,14 @@ def _findings(
     testable = given.r >= TESTABLE
     testable[list(left_out)] = False
     single = error_odds(ERROR_PRIOR_SIGMAS**2 * given.r[rows], size[rows], f, "baarda")
-    rejected, partners = _retraced(system.names, end, left_out, settings.partner)
+    rejected, partners = _retraced(system.names, end, left_out, settings.partner, weights)
     return Findings(
         strategy=strategy,
         steps=tuple(end.steps),
         rejected=rejected,
         hard_to_tell=partners,
         untestable=tuple(np.flatnonzero(~testable).tolist()),
-        at_end=_at_end(end.given, [*end.rows], list(left_out), f - len(end.rows)),
+        at_end=_at_end(end.given, [*end.rows], list(left_out), f - len(end.rows), weights),
         odds=Odds(spread(single.rows, rows, n), single.none),
         remarks=end.remarks,
         held=_held(system.names, end.given, left_out),
@@ -213,20 +223,27 @@ def _held(
     )
 
 
-def _at_end(given: RowsGiven, out: list[int], held: list[int], f: int) -> FinalStatistics:
+def _at_end(
+    given: RowsGiven, out: list[int], held: list[int], f: int, weights: Array | None
+) -> FinalStatistics:
     w, r = standardized(given, [*out, *held]), given.r.copy()
     w[held], r[held] = np.nan, 0.0
     w *= np.sign(given.e)
-    return FinalStatistics(w, r, sqrt(given.vtpv / f) if f > 0 else None, f, given.vtpv)
+    sigma0 = sqrt(given.vtpv / f) if f > 0 else None
+    return FinalStatistics(w, r, sigma0, f, given.vtpv, weights)
 
 
 def _retraced(
-    names: Sequence[Hashable], end: ApartEnd, left_out: Collection[int], limit: float
+    names: Sequence[Hashable],
+    end: ApartEnd,
+    left_out: Collection[int],
+    limit: float,
+    weights: Array | None,
 ) -> tuple[tuple[Rejection[Hashable], ...], tuple[HardToTell, ...]]:
     """Say of each row which step took it out, and how it stood in its place just before."""
     last: dict[int, tuple[int, SearchStep]] = {}
     for number, step in enumerate(end.steps):
-        if step.action != "drop":
+        if step.action in ("add", "reject"):
             last.update((row, (number, step)) for row in step.rows)
     numbers = {number: k for k, number in enumerate(sorted({last[row][0] for row in end.rows}), 1)}
     rows = np.array(end.rows, dtype=np.intp)
@@ -247,6 +264,7 @@ def _retraced(
             float(end.given.e[row]),
             float(end.given.r[row] ** -0.5),
             r=r,
+            weight=None if weights is None else float(weights[row]),
             partners=tuple(names[k] for k in others),
         )
     ordered = sorted(end.rows, key=lambda row: (last[row][0], last[row][1].rows.index(row)))

@@ -10,12 +10,14 @@ price of the columns of V.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from math import log
 from typing import Literal
 
 import numpy as np
 
+from anaplot.adjustment.findings import SearchStep
 from anaplot.adjustment.residualsystem import ResidualSystem, Reweightable, WeightedAdjustments
 from anaplot.adjustment.watch import Watch
 from anaplot.aliases import Array, Bools
@@ -26,6 +28,7 @@ __all__ = [
     "SETTLED",
     "Reweighting",
     "reweight",
+    "robust_adjustment",
     "weighted_adjustments",
     "weighted_misclosures",
 ]
@@ -55,7 +58,7 @@ class Reweighting:
     Attributes
     ----------
     weights
-        (n,) factors of the a-priori weights.
+        (n,) factors of the a-priori weights; zero of what is left out.
     misclosures
         (n,) of the weighted adjustment, in a-priori sigmas of the rows with their full weights.
     changes
@@ -71,6 +74,27 @@ class Reweighting:
     changes: tuple[float, ...]
     sums: tuple[float, ...]
     converged: bool
+
+    @property
+    def steps(self) -> list[SearchStep]:
+        """What every iteration did."""
+        # what is left out has none at all
+        fallen = (self.weights > 0.0) & (self.weights < 1.0)
+        rows = tuple(np.flatnonzero(fallen).tolist())
+        return [
+            SearchStep("reweight", rows, change, SETTLED, self.sums[k], self.sums[k + 1])
+            for k, change in enumerate(self.changes)
+        ]
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What limited it."""
+        if self.converged:
+            return ()
+        return (
+            f"the weights did not settle in {len(self.changes)} iterations: the last ones count, "
+            f"which still change by up to {self.changes[-1]:.1g} of a full weight",
+        )
 
 
 def weighted_adjustments(system: ResidualSystem) -> WeightedAdjustments:
@@ -106,12 +130,40 @@ def weighted_misclosures(system: ResidualSystem, weights: Array) -> Array:
     return np.asarray(out, dtype=float)
 
 
+def robust_adjustment(
+    system: ResidualSystem,
+    method: Literal["huber", "danish"],
+    suspects: Bools,
+    watch: Watch,
+    near: Collection[int] | None,
+    left_out: Collection[int] = (),
+) -> Reweighting:
+    """Re-weight from where the weights of a pass begin.
+
+    Parameters
+    ----------
+    system, method, suspects, watch, left_out
+        As `reweight` has them.
+    near
+        What "danish" rejected where the rows were linearised near by, as `find_gross_errors` has
+        it.
+    """
+    begin: Array | None = None
+    if method == "danish" and near:
+        begin = np.ones(len(suspects))
+        begin[list(near)] = 0.0
+    elif method == "danish" and near is not None:
+        begin = reweight(system, "huber", suspects, watch, left_out=left_out).weights
+    return reweight(system, method, suspects, watch, begin, left_out)
+
+
 def reweight(
     system: ResidualSystem,
     method: Literal["huber", "danish"],
     suspects: Bools,
     watch: Watch | None = None,
     begin: Array | None = None,
+    left_out: Collection[int] = (),
 ) -> Reweighting:
     """Iterate weights and adjustment until the weights stand still.
 
@@ -128,14 +180,16 @@ def reweight(
         Told how far it is; where it asks for the end, the last weights are returned.
     begin
         (n,) weights to begin with; None: ones.
+    left_out
+        Rows that have no weight, whatever they are off.
     """
     seen = Watch() if watch is None else watch
     adjusted = weighted_adjustments(system)
-    v = np.array(system.e, dtype=float)
-    weights = np.ones(len(v))
+    weights, gone = np.ones(len(suspects)), list(left_out)
     if begin is not None:
         weights = np.where(suspects, np.maximum(begin, _SMALLEST_WEIGHT), 1.0)
-        v = adjusted(weights)
+    weights[gone] = 0.0
+    v = np.array(system.e, dtype=float) if begin is None and not gone else adjusted(weights)
     changes: list[float] = []
     sums = [float(v @ v)]
     for iteration in range(_MOST_ITERATIONS):
@@ -150,6 +204,7 @@ def reweight(
                 fallen = np.exp(-_DANISH_FACTOR * np.minimum(size, 1e3) ** power)
             new = np.where(size > DANISH_LIMIT, fallen, 1.0)
         new = np.where(suspects, np.maximum(new, _SMALLEST_WEIGHT), 1.0)
+        new[gone] = 0.0
         changes.append(float(np.abs(new - weights).max(initial=0.0)))
         settled = -log(min(max(changes[-1], SETTLED), 1.0)) / -log(SETTLED)
         seen("re-weighting", max(settled, iteration / _MOST_ITERATIONS))

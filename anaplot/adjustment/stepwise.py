@@ -14,13 +14,15 @@ from anaplot.adjustment.modelvalues import beyond_model, decide_by_model_values
 from anaplot.adjustment.partners import Proposals
 from anaplot.adjustment.significance import TESTABLE, critical_normal, critical_tau
 from anaplot.adjustment.watch import Watch
-from anaplot.aliases import Array, Bools
+from anaplot.aliases import Array, Bools, Index
 
 __all__ = [
     "NO_SIGMA",
     "ModelRule",
     "Rule",
+    "beyond_limit",
     "bring_back",
+    "reject_sizes",
     "rule_of",
     "step_by_step",
     "stepwise",
@@ -260,6 +262,55 @@ def step_by_step(
         if frozenset(state.rows) in seen:
             break
         seen.add(frozenset(state.rows))
+
+
+def beyond_limit(size: Array, critical: float, suspects: Bools) -> Index:
+    """Return the suspects whose (n,) sizes are beyond a critical value, the largest first."""
+    rows = np.flatnonzero(suspects & (size > critical))
+    return rows[np.argsort(-size[rows], kind="stable")]
+
+
+def reject_sizes(
+    state: Elimination, size: Array, critical: float, suspects: Bools, most: int, watch: Watch
+) -> list[SearchStep]:
+    """Reject the suspects beyond a critical value, or their likelier partners, largest first.
+
+    Parameters
+    ----------
+    state
+        Where it begins; it is changed.
+    size
+        (n,) absolute misclosures of a robust adjustment [a-priori sigmas].
+    critical
+        What they are tested against.
+    suspects
+        (n,) rows that may be rejected.
+    most
+        Largest number of rows rejected.
+    watch
+        Told how far it is; asked whether to stop.
+    """
+    steps: list[SearchStep] = []
+    proposals = Proposals(state.system.names)
+    beyond = beyond_limit(size, critical, suspects).tolist()
+    for k, first in enumerate(beyond):
+        if len(state.rows) >= most or watch.stopped:
+            break
+        watch("rejecting", k / len(beyond))
+        if not state.testable(first):
+            continue
+        rejected = proposals.instead(
+            first, float(state.w[first] ** 2 - critical**2), suspects, suspects, state
+        )
+        if not rejected or len(state.rows) + len(rejected) > most:
+            continue
+        before = state.vtpv
+        for row in rejected:
+            state.add(row)
+        steps.append(
+            SearchStep("reject", rejected, float(size[first]), critical, before, state.vtpv)
+        )
+    return steps
 
 
 def bring_back(state: Elimination, critical: float, watch: Watch) -> list[SearchStep]:

@@ -53,7 +53,7 @@ from anaplot.adjustment.pairodds import MOST_ROWS_OF_PAIRS, pair_odds, pair_odds
 from anaplot.adjustment.partners import WEAK, Proposals
 from anaplot.adjustment.reliability import ERROR_PRIOR_SIGMAS
 from anaplot.adjustment.residualsystem import ResidualSystem
-from anaplot.adjustment.reweighting import SETTLED, reweight
+from anaplot.adjustment.reweighting import robust_adjustment
 from anaplot.adjustment.search import search
 from anaplot.adjustment.setodds import MostProbableSet, most_probable_set, set_odds
 from anaplot.adjustment.significance import TESTABLE, critical_normal
@@ -61,7 +61,9 @@ from anaplot.adjustment.stepwise import (
     NO_SIGMA,
     ModelRule,
     Rule,
+    beyond_limit,
     bring_back,
+    reject_sizes,
     rule_of,
     stepwise,
 )
@@ -90,6 +92,7 @@ STRATEGIES = ("baarda", "tau", "rms", "modified", "huber", "danish", "l1", "sear
 MOST_IN_COLUMNS = 500_000_000
 """Rows rejected at once times rows: columns of 4 GB, of which eight or so are held at a time."""
 
+_ROBUST = ("huber", "danish")
 _EQUAL = 1e-10  # share of v'Pv of all rows: sums that differ by less are equal
 
 
@@ -148,7 +151,8 @@ def find_gross_errors(
         as one.
     near
         What "danish" rejected where the rows were linearised near by: they have no weight to begin
-        with. Empty: begin with the weights of "huber"; None: with ones.
+        with. Empty: begin with the weights of "huber"; None: with ones. Apart what the place was
+        found without has none, if there is any.
 
     Raises
     ------
@@ -163,7 +167,11 @@ def find_gross_errors(
         raise ValueError(f"no strategy {strategy!r}; there are {', '.join(STRATEGIES)}")
     used = SearchSettings() if settings is None else settings
     if apart is not None and strategy in APART and not used.pairs:
-        return found_apart(system, strategy, used, suspects, left_out, watch, apart)
+        if strategy not in _ROBUST:
+            return found_apart(system, strategy, used, suspects, left_out, watch, apart)
+        robust = _robust_apart(system, strategy, used, suspects, left_out, watch, apart, near)
+        if robust is not None:
+            return robust
     if left_out:
         system = ReducedSystem(system, left_out)
     n = len(system.e)
@@ -181,8 +189,8 @@ def find_gross_errors(
         end = _End(*found, start.remarks)
     elif strategy == "odds":
         end, weighed = _by_odds(task)
-    elif strategy in ("huber", "danish"):
-        end = _robust(task, "huber" if strategy == "huber" else "danish", near)
+    elif strategy in _ROBUST:
+        end = _robust(task, _method(strategy), near)
     elif strategy == "modified":
         if models is None:
             raise ValueError("modified snooping needs model values of sqrt(q_vv) for the rows")
@@ -438,57 +446,49 @@ def _go_on(task: _Task, size: Array) -> tuple[Elimination, list[SearchStep]]:
     return task.stepwise(rule_of("l1", task.alpha), state, steps)
 
 
+def _method(strategy: str) -> Literal["huber", "danish"]:
+    return "huber" if strategy == "huber" else "danish"
+
+
+def _robust_apart(
+    system: ResidualSystem,
+    strategy: str,
+    settings: SearchSettings,
+    suspects: Bools | None,
+    left_out: Collection[int],
+    watch: Watch | None,
+    apart: Apart,
+    near: Collection[int] | None,
+) -> Findings | None:
+    """Re-weight as one, reject what is far off apart.
+
+    None where nothing would check some of it when all of it goes: it goes one after another.
+    """
+    allowed = np.ones(len(system.names), dtype=bool) if suspects is None else suspects
+    if strategy == "danish" and apart.without.begun:
+        near = apart.without.begun  # it is known of these already, whichever pass it is
+    seen = Watch() if watch is None else watch
+    robust = robust_adjustment(system, _method(strategy), allowed, seen, near, left_out)
+    with suppress(NotComputableError, NotSeparableError):
+        return found_apart(system, strategy, settings, suspects, left_out, watch, apart, robust)
+    return None
+
+
 def _robust(task: _Task, method: Literal["huber", "danish"], near: Collection[int] | None) -> _End:
     state = Elimination(task.system)
-    begin: Array | None = None
-    if method == "danish" and near:
-        begin = np.ones(len(task.system.e))
-        begin[list(near)] = 0.0
-    elif method == "danish" and near is not None:
-        begin = reweight(task.system, "huber", task.suspects, task.watch).weights
-    robust = reweight(task.system, method, task.suspects, task.watch, begin)
-    rows = tuple(np.flatnonzero(robust.weights < 1.0).tolist())
-    steps = [
-        SearchStep("reweight", rows, change, SETTLED, robust.sums[k], robust.sums[k + 1])
-        for k, change in enumerate(robust.changes)
-    ]
+    robust = robust_adjustment(task.system, method, task.suspects, task.watch, near)
+    steps = robust.steps
     steps += _reject_beyond(task, state, np.abs(robust.misclosures))
     steps += bring_back(state, task.critical, task.watch)
-    settled = (
-        f"the weights did not settle in {len(robust.changes)} iterations: the last ones count, "
-        f"which still change by up to {robust.changes[-1]:.1g} of a full weight"
-    )
-    return _End(state, steps, () if robust.converged else (settled,), robust.weights)
+    return _End(state, steps, robust.remarks, robust.weights)
 
 
 def _reject_beyond(task: _Task, state: Elimination, size: Array) -> list[SearchStep]:
     """Reject the suspects beyond the critical value, or their likelier partners, largest first."""
-    steps: list[SearchStep] = []
-    proposals = Proposals(state.system.names)
-    critical, suspects = task.critical, task.suspects
-    size = np.where(suspects, size, 0.0)
-    order = np.argsort(-size, kind="stable")
-    beyond = order[size[order] > critical][: task.most]
+    beyond = beyond_limit(size, task.critical, task.suspects)[: task.most]
     _check_memory(len(beyond), len(size))
     state.system.columns(beyond)  # all of them at once
-    for k, first in enumerate(order.tolist()):
-        if size[first] <= critical or len(state.rows) >= task.most or task.watch.stopped:
-            break
-        task.watch("rejecting", k / (len(beyond) or 1))
-        if not state.testable(first):
-            continue
-        rejected = proposals.instead(
-            first, float(state.w[first] ** 2 - critical**2), suspects, suspects, state
-        )
-        if not rejected or len(state.rows) + len(rejected) > task.most:
-            continue
-        before = state.vtpv
-        for row in rejected:
-            state.add(row)
-        steps.append(
-            SearchStep("reject", rejected, float(size[first]), critical, before, state.vtpv)
-        )
-    return steps
+    return reject_sizes(state, size, task.critical, task.suspects, task.most, task.watch)
 
 
 def _check_memory(rejected: int, n: int) -> None:

@@ -7,10 +7,10 @@ from functools import cached_property
 
 import numpy as np
 
-from anaplot.adjustment.apart import WithoutRows
 from anaplot.adjustment.cleaning import SolvedWithout
 from anaplot.adjustment.scale import AprioriSigma
 from anaplot.adjustment.watch import Watch
+from anaplot.adjustment.withoutrows import WithoutRows
 from anaplot.aliases import Array, Bools
 from anaplot.bundle.errors.laterresiduals import AllRows, LaterResiduals, left_open
 from anaplot.bundle.errors.leftout import without
