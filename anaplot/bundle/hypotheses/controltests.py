@@ -470,7 +470,9 @@ def _given_up(control: _Control, members: list[int]) -> _GivenUp:
     free = [k for k in members if control.information[k, k] > TESTABLE * control.size[k]]
     if not free:
         return _GivenUp(0.0, 0, 0)
-    scale = np.sqrt(np.diag(control.information)[free])
+    scale = np.sqrt(control.information[free, free])
+    if len(free) == 1:  # two thirds of all that is asked for
+        return _GivenUp(float((control.score[free[0]] / scale[0]) ** 2), 1, 0)
     rho = control.information[np.ix_(free, free)] / scale[:, None] / scale
     values, vectors = np.linalg.eigh(0.5 * (rho + rho.T))
     good = values > _WEAK * float(values[-1])
