@@ -81,6 +81,7 @@ def alike(one: str, other: str) -> float:
     return SequenceMatcher(None, other, one).ratio()
 
 
+@pytest.mark.slow
 @given(st.sampled_from(COMMANDS), st.data())
 def test_a_swapped_letter_is_understood(command: tuple[str, ...], data: st.DataObject) -> None:
     *before, name = command
@@ -93,6 +94,7 @@ def test_a_swapped_letter_is_understood(command: tuple[str, ...], data: st.DataO
         assert alike(answer[1], wrong) >= alike(name, wrong)
 
 
+@pytest.mark.slow
 @given(st.lists(st.text(string.printable + "é\u202e\x1b\0", max_size=8), min_size=1, max_size=4))
 def test_no_line_is_wrong_in_more_than_one_line(words: list[str]) -> None:
     heard = io.StringIO()

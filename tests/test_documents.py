@@ -59,6 +59,7 @@ def language_runs(page: Path, language: str) -> bool:
     return language in RUN and (page.name, language) not in ELSEWHERE
 
 
+@pytest.mark.slow
 def test_the_verdicts_of_the_handbook_are_said() -> None:
     """Their words, without names and numbers, stand in the program."""
     page = (ROOT / "docs" / "handbook.md").read_text(encoding="utf-8")

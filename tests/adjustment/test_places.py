@@ -103,6 +103,7 @@ def test_inverses_among_chosen_rows_are_those_of_the_parts() -> None:
         assert np.count_nonzero(found[at]) == np.count_nonzero(part)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_nothing_is_better_where_no_set_of_one_more_or_less_is(seed: int) -> None:
     places, cost = places_of(seed, count=40, k=9), CRITICAL**2
@@ -147,6 +148,7 @@ def test_what_is_seen_of_many_places_at_once_is_true_of_each(seed: int) -> None:
     assert sure.sum() > 20
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_where_surely_no_set_is_better_none_is(seed: int) -> None:
     count, k = 60, 10

@@ -45,6 +45,7 @@ def test_a_common_factor_is_one_step():
     assert found.components[0].vtpv == pytest.approx(16.0)
 
 
+@pytest.mark.slow
 def test_factors_that_made_the_noise_come_back_on_average():
     rng = np.random.default_rng(2)
     group = np.repeat([0, 1, 2], [60, 40, 30])

@@ -94,6 +94,7 @@ def test_points_of_models_are_those_that_the_rows_say(kind: str) -> None:
         before = {name: here.start + at for at, name in enumerate(names)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_side_by_side_is_one_by_one(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     problem = make_problem(measured(kind)).bare
@@ -158,6 +159,7 @@ def test_strips_are_bridged_once_where_pairs_go_on(bridgings: list[Problem]) -> 
     assert bridgings == [problem]
 
 
+@pytest.mark.slow
 def test_a_chain_ends_where_wrong_points_would_stretch_it() -> None:
     made = planned(6, strips=4, photos=15)
     block, wrong = mismatched(made, 27, 6)

@@ -248,6 +248,7 @@ def test_what_is_free_of_error_is_the_limit_of_ever_smaller_sigmas(number) -> No
     np.testing.assert_allclose(firm.state.points, tight.state.points, atol=1e-3)
 
 
+@pytest.mark.slow
 @given(
     st.lists(st.sampled_from(range(6)), min_size=1, max_size=6, unique=True),
     st.sets(st.sampled_from(range(6))),
@@ -323,6 +324,7 @@ def test_a_point_off_its_plane_is_named_and_the_others_stay() -> None:
     assert conditions
 
 
+@pytest.mark.slow
 def test_control_last_brings_conditions_in_with_the_control() -> None:
     scene = flat_scene()
     conditions = list(every_kind(scene))

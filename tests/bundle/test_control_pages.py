@@ -49,6 +49,7 @@ def _as(block: Block, point: str, use: str) -> Block:
     return replace(block, control=control)
 
 
+@pytest.mark.slow
 def test_without_a_point_is_the_adjustment_without_it(block: Block) -> None:
     pages = _pages(block)
     before = {row.point: np.array(row.xyz) for row in adjust_block(block).point_rows()}

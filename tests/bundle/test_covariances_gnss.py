@@ -12,6 +12,7 @@ from anaplot.bundle.solve.unknownnames import unknowns_meant
 from anaplot.errors import InputError
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_offsets_with_photos_and_points(name) -> None:
     found = both(name)

@@ -123,6 +123,7 @@ def test_a_name_on_both_sides_of_the_block_is_two_points() -> None:
     assert one.text.endswith("meet elsewhere; with two names there is a solution")
 
 
+@pytest.mark.slow
 def test_one_gross_error_is_no_second_point() -> None:
     block = measured(1)
     wrong = rows(
@@ -191,6 +192,7 @@ def test_which_of_two_equal_halves_is_named_does_not_hang_on_rounding() -> None:
     assert doublenames._parts(inner, list(range(8))) == frozenset({0, 1})
 
 
+@pytest.mark.slow
 def test_a_ray_halfway_goes_to_the_same_side_whatever_rounding_prefers() -> None:
     # seven rays see a place left, seven mirrored ones a place right, one the middle of both
     rng = np.random.default_rng(7)

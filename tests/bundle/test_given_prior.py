@@ -46,6 +46,7 @@ def same(halves, of=("points",), limit=LINEAR, additional=None):
     return after, once
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sigma", [0.05, 0.0], ids=["weighted", "exact"])
 @pytest.mark.parametrize("of", [("points",), ("points", "photos")], ids=["points", "both"])
 def test_two_campaigns_at_the_same_place_of_linearisation(sigma, of):

@@ -151,6 +151,7 @@ def test_undetected_errors_do_what_the_dense_formula_says(name):
     assert compared > 0.9 * len(r)
 
 
+@pytest.mark.slow
 def test_beside_parameters_and_conditions_redundancy_numbers_are_those_of_the_whole_design():
     block = flown(WEIGHTED, seed=4).scene.block
     at = {row.point: np.array(row.xyz) for row in block.control}
@@ -402,6 +403,7 @@ def test_epochs_in_one_adjustment_refuse_offsets():
 # --- errors and tests -----------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("strategy", ["baarda", "odds", "huber"])
 def test_a_wrong_position_is_rejected_and_nothing_else(strategy):
     block = flown(EVERY, seed=3).scene.block
@@ -474,6 +476,7 @@ def test_what_positions_and_angles_ask_for_is_advised():
     assert offset_advice(adjust_block(block, datum="free")) == []
 
 
+@pytest.mark.slow
 def test_good_positions_and_angles_ask_for_nothing():
     # alpha .001 of two tests a block: more than two of 60 have a probability of .0003
     found = sum(

@@ -148,6 +148,7 @@ def test_what_is_only_compared_holds_no_point(use: ControlUse, holds: bool) -> N
     assert half_seen(problem).any() == (not holds)
 
 
+@pytest.mark.slow
 def test_a_gross_error_is_found_beside_them() -> None:
     block, along, _ = halved(scene().block, 2, 1)
     rows = list(block.image_points)

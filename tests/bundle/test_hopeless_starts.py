@@ -108,6 +108,7 @@ def test_what_tells_right_orientations(
     assert solution.misleads(problem) == misleads
 
 
+@pytest.mark.slow
 def test_no_long_search_where_gross_errors_tear_every_minimum(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -129,6 +130,7 @@ def test_no_long_search_where_gross_errors_tear_every_minimum(
     assert set(said) <= named
 
 
+@pytest.mark.slow
 def test_photos_that_no_way_orients_are_named() -> None:
     # a walk of which most steps share too little: level photos are far from the truth
     rng = np.random.default_rng(1)

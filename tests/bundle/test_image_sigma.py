@@ -26,6 +26,7 @@ def made(
     return replace(block, precision=replace(block.precision, image_um=5.0 * factor))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["strip", "block", "ring"])
 @pytest.mark.parametrize("factor", [1e-3, 0.1, 1e3])
 def test_another_unit_is_doubted_with_the_value_that_the_residuals_suggest(
@@ -42,6 +43,7 @@ def test_another_unit_is_doubted_with_the_value_that_the_residuals_suggest(
         block_gross_errors(block, "baarda")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.0, 0.01, 0.05, 0.1])
 @pytest.mark.parametrize("kind", ["strip", "block", "ring"])
 def test_neither_noise_nor_mismatches_are_taken_for_another_unit(kind: str, share: float) -> None:

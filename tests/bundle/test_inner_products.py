@@ -83,7 +83,10 @@ def test_they_are_those_of_solutions(name) -> None:
     np.testing.assert_array_less(np.abs(undivided - found), 1e-9 * size[:, None] * size + 1e-300)
 
 
-@pytest.mark.parametrize("name", PLAIN)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=pytest.mark.slow if name == "many fronts" else ()) for name in PLAIN],
+)
 def test_they_are_those_of_a_dense_inverse(name) -> None:
     block = PLAIN[name]()
     sides = random_sides(block, 2)

@@ -49,16 +49,18 @@ IMAGES = {"y": lambda x, y: (x, -y), "x": lambda x, y: (-x, y), "both": lambda x
 GROUND = {"X and Y": lambda x, y, z: [y, x, z], "Z": lambda x, y, z: [x, y, -z]}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("which", IMAGES)
 def test_mirrored_images_are_told(which: str) -> None:
     assert TOLD in said(measured(IMAGES[which]))
 
 
-@pytest.mark.parametrize("which", GROUND)
+@pytest.mark.parametrize("which", [pytest.param("X and Y", marks=pytest.mark.slow), "Z"])
 def test_left_handed_control_is_told(which: str) -> None:
     assert TOLD in said(moved(block(), lambda row: GROUND[which](*row.xyz)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("strategy", ["baarda", "search", "danish"])
 def test_a_search_that_leaves_out_what_tells_the_mirror_image_says_it(strategy: str) -> None:
     found = block_gross_errors(measured(IMAGES["y"]), strategy)
@@ -69,6 +71,7 @@ def test_a_search_that_leaves_out_what_tells_the_mirror_image_says_it(strategy: 
     assert not any(TOLD in remark for remark in block_gross_errors(block(), strategy).remarks)
 
 
+@pytest.mark.slow
 def test_images_turned_by_180_degrees_and_wild_control_are_not_mirrored() -> None:
     assert said(measured(lambda x, y: (-x, -y))) == ""
     rng = np.random.default_rng(4)
@@ -85,6 +88,7 @@ def test_one_control_point_that_is_wrong_does_not_hide_the_mirror_image() -> Non
     assert TOLD in said(replace(made, control=(wrong, *others)))
 
 
+@pytest.mark.slow
 def test_control_in_a_plane_tells_no_mirror_image() -> None:
     flat = block(relief=0.0)
     assert said(flat) == ""
@@ -99,6 +103,7 @@ def flat(kind: str, control: int) -> Block:
     return startkinds.measured(replace(layout, control=(control, layout.control[1])), rng).block
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "least"), [("block", 10.0), ("oblique", 5.0)])
 def test_a_mirror_image_that_tears_a_block_a_little_is_told(kind: str, least: float) -> None:
     made = moved(flat(kind, 6), lambda row: GROUND["Z"](*row.xyz))
@@ -112,6 +117,7 @@ def test_a_mirror_image_that_tears_a_block_a_little_is_told(kind: str, least: fl
     assert TOLD in " ".join(cleaned.remarks)
 
 
+@pytest.mark.slow
 def test_a_search_in_a_large_block_asks_for_the_mirror_image_at_its_end(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -122,6 +128,7 @@ def test_a_search_in_a_large_block_asks_for_the_mirror_image_at_its_end(
     assert TOLD in " ".join(cleaned.remarks)
 
 
+@pytest.mark.slow
 def test_control_that_contradicts_itself_is_no_mirror_image() -> None:
     made = flat("block", 6)
     control = list(made.control)

@@ -118,6 +118,7 @@ def test_a_wrong_check_distance_is_told_and_changes_nothing():
     assert after.rms > 3.0 * after.expected
 
 
+@pytest.mark.slow
 def test_what_is_tested_is_what_the_table_says():
     adjusted = adjusted_block(measured(2))
     found, rows = checked_conditions(adjusted), compared_conditions(adjusted)

@@ -127,6 +127,7 @@ def test_one_distance_gives_the_scale_and_is_checked_by_nothing() -> None:
     assert without.problem.defect == 7
 
 
+@pytest.mark.slow
 def test_several_distances_check_the_scale_and_a_wrong_one_is_named() -> None:
     scene = flat_scene()
     good = bars(scene, [0.02, 0.03, 0.05])

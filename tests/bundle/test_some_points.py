@@ -99,6 +99,7 @@ def test_some_points_have_the_rows_that_they_had_among_all() -> None:
         assert (its == its[:, :1]).all()
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("few")
 def test_some_points_lead_where_all_of_them_lead() -> None:
     made = scene(mismatches=0.01)

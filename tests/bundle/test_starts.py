@@ -88,6 +88,7 @@ def test_photos_that_few_rays_check_are_not_taken_for_level() -> None:
     assert doubtful(problem, last)
 
 
+@pytest.mark.slow
 def test_level_photos_of_points_with_two_rays_are_begun_level() -> None:
     rng = np.random.default_rng(2)
     made = with_mismatches(measured(KINDS["drone"](rng, 1), rng), rng, 0.005)

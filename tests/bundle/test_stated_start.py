@@ -61,6 +61,7 @@ def no_search(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(approximate, name, refused)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "block", [stated(bent_drone(), 0.5, 0.01), raw(stated(bent_drone(), 0.5, 0.01))]
 )
@@ -74,6 +75,7 @@ def test_stated_orientations_with_small_errors_are_used_also_through_an_unknown_
     assert not any("stated" in said for said in found.warnings)
 
 
+@pytest.mark.slow
 def test_a_lens_is_calibrated_from_stated_orientations(monkeypatch: pytest.MonkeyPatch) -> None:
     no_search(monkeypatch)
     block = raw(stated(bent_drone(), 0.5, 0.01))
@@ -136,6 +138,7 @@ def mismatched(share: float) -> Problem:
     return make_problem(with_mismatches(scene, rng, share).block)
 
 
+@pytest.mark.slow
 def test_scattered_mismatches_are_seen_from_the_first_good_start(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

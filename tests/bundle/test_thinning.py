@@ -142,6 +142,7 @@ def more_could_go(thinning: Thinning) -> list[str]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("least", "strips"), [(0.15, 2), (0.3, 2), (0.45, 3)])
 def test_nothing_is_below_the_limit_and_not_one_more_can_go(least: float, strips: int) -> None:
     thinning = thin_block(adjust_block(dense(1, strips)), least)
@@ -166,6 +167,7 @@ def test_what_is_lost_far_away_is_foreseen() -> None:
     assert more_could_go(thinning) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shows", ["no solution", "a photo below the limit"])
 def test_a_point_that_only_the_adjustment_refuses_stays(
     shows: str, monkeypatch: pytest.MonkeyPatch
@@ -221,6 +223,7 @@ def test_a_higher_limit_keeps_more_rays() -> None:
     assert rays[0] < 0.6 * len(before.problem.photo) < rays[2]
 
 
+@pytest.mark.slow
 @given(st.integers(0, 10_000), st.floats(0.05, 0.9), st.sampled_from(["control", "free"]))
 @settings(max_examples=8, deadline=None)
 def test_what_is_true_of_every_thinned_block(seed: int, least: float, datum: str) -> None:
@@ -319,6 +322,7 @@ def test_standard_deviations_before_and_after_are_in_one_datum(datum: str) -> No
         assert pair[1].mean() > 1.01 * pair[0].mean()
 
 
+@pytest.mark.slow
 def test_named_points_and_points_of_conditions_stay() -> None:
     block = dense()
     before = adjust_block(block)

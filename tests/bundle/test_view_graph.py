@@ -102,6 +102,7 @@ def test_a_part_grows_from_photos_without_a_place_over_their_neighbours() -> Non
     assert not part.oriented[~view_graph(problem).with_neighbours(among)].any()
 
 
+@pytest.mark.slow
 def test_what_is_left_grows_from_a_seed_that_reaches_most_of_it() -> None:
     # one that fits, and reaches few of them, was taken
     rng = np.random.default_rng(466904)

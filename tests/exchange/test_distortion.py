@@ -77,6 +77,7 @@ def test_the_mean_of_the_half_diagonals_counts():
     assert RadialTable((1.0,), (2.0,)).spread() is None
 
 
+@pytest.mark.slow
 @given(
     st.lists(
         st.lists(st.floats(-30.0, 30.0), min_size=1, max_size=8), min_size=1, max_size=6

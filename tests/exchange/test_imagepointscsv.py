@@ -451,6 +451,7 @@ REASONS = st.none() | st.text(max_size=40).filter(
 )
 
 
+@pytest.mark.slow
 @given(st.lists(st.tuples(USES, REASONS), max_size=12))
 def test_uses_and_reasons_come_back(tmp_path_factory, decided):
     block = Block(

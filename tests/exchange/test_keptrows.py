@@ -197,6 +197,7 @@ SAID = st.one_of(
 )
 
 
+@pytest.mark.slow
 @given(SAID, SAID, st.booleans())
 def test_whatever_is_written_over_blanks_is_read_back_and_goes_back(
     tmp_path_factory: pytest.TempPathFactory, cell: str, other: str, last: bool

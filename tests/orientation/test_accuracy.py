@@ -69,6 +69,7 @@ def test_points_of_a_later_model_whose_ties_are_free_of_error_by_numerical_deriv
     assert found.points == pytest.approx(spread_of_points(change), rel=1e-5)
 
 
+@pytest.mark.slow
 def test_a_later_model_whose_ties_err_by_numerical_derivatives_of_the_whole_strip():
     flight = fly(4, photos=3, tilt=5.0, kappa=15.0)
 

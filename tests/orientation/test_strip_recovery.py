@@ -71,6 +71,7 @@ def test_short_bases(length):
         assert misses(flight, bridge_flight(flight)) < 1e-6
 
 
+@pytest.mark.slow
 @given(seeds, st.sampled_from([PAPER, PROPAGATED]), st.sampled_from([TAU, BAARDA]))
 def test_redundancy_numbers_sum_to_the_redundancy(seed, precision, test):
     flight = fly(seed, 3, noise=0.004)
@@ -168,6 +169,7 @@ def test_the_last_correction_is_made_and_leaves_the_rows_as_they_are(seed):
     assert np.abs(correction).max() < 1e-12
 
 
+@pytest.mark.slow
 @settings(max_examples=30)
 @given(seeds)
 def test_cofactors_of_the_unknowns_against_numerical_derivatives(seed):
@@ -218,6 +220,7 @@ def test_a_relative_kappa_of_sixty_degrees_between_ideal_photos():
     assert model.rotation == pytest.approx((0.0, 0.0, 0.0), abs=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("relief", [0.0, 0.1])
 @pytest.mark.parametrize(
     "pattern",

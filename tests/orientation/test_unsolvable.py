@@ -148,6 +148,7 @@ def test_ties_that_do_not_determine_the_base(points):
     refused(pair, "ties do not determine the base")
 
 
+@pytest.mark.slow
 def test_rows_that_leave_an_unknown_without_any_hold():
     f = flight()
     first = orient(pair_of(f, 0, points=[p for p in f.images[0] if p[0] in "01"]), PAPER, TAU)

@@ -93,6 +93,7 @@ def test_what_stands_again_is_what_was_there_before_or_after(keys: list[tuple[st
     assert stand_again(*columns).tolist() == [keys.count(key) > 1 for key in keys]
 
 
+@pytest.mark.slow
 def test_keys_larger_than_a_number_of_the_machine_are_told_apart() -> None:
     # three columns of so many values: their product is beyond 2^63
     many = tuple(map(str, range(2**22)))

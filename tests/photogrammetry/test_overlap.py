@@ -17,6 +17,7 @@ def inside(corners, places):
     return (height >= 0.0).all(axis=1) | (height <= 0.0).all(axis=1)
 
 
+@pytest.mark.slow
 def test_shares_are_those_of_counted_places():
     rng = np.random.default_rng(3)
     steps = (np.arange(400) + 0.5) / 400

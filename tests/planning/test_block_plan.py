@@ -68,6 +68,7 @@ def test_standard_points_lie_on_axes_and_in_overlaps() -> None:
         assert len(seen) == (per_photo if side == 3 else 5 * rows)
 
 
+@pytest.mark.slow
 def test_photos_of_long_strips_keep_their_own_names() -> None:
     made = plan_block(BlockPlan(11, 101, control="corners"))
     names = [photo for strip in made.block.strips for photo in strip.photos]
@@ -183,6 +184,7 @@ def test_the_limits_themselves_can_be_planned(option) -> None:
     assert main(["plan", "block", "--strips", "2", "--photos", "3", "--json", *option]) == 0
 
 
+@pytest.mark.slow
 def test_the_report_keeps_to_a_page_and_loses_nothing(capsys) -> None:
     call = ["plan", "block", "--strips", "2", "--photos", "12", "--twin", "--cross-strips", "2"]
     more = ["--scale", "123456.7", "--c", "152.67", "--bridging", "2.5", "--image-um", "1e6"]

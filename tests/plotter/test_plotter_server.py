@@ -92,6 +92,7 @@ def test_a_private_name_is_taken_away(plotter):
     server.close()
 
 
+@pytest.mark.slow
 def test_one_host_at_a_time_on_tcp(plotter):
     with SimulatorServer(plotter, tcp=True) as server:
         number = int(server.port.rsplit(":", 1)[1])

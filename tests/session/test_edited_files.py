@@ -144,6 +144,7 @@ def test_what_a_strategy_never_rejected_is_refused_with_the_command_that_helps(w
         work.check()
 
 
+@pytest.mark.slow
 def test_who_computes_from_the_files_notes_what_open_refuses(
     one_model: Work, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -245,6 +246,7 @@ def write_plain(work: Work) -> Path:
     return folder
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fault", ["newer", "damaged", "other block", "held", "torn", "no journal"])
 def test_a_journal_that_cannot_be_read_is_noted_and_stands_in_nobodys_way(
     one_model: Work, fault: str, capsys: pytest.CaptureFixture[str]

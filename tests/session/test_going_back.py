@@ -355,6 +355,7 @@ def finished(bench: Bench, models: int) -> None:
         bench.give(Accept())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("abilities", [DRIVEN, UNDRIVEN])
 def test_interrupted_returned_and_continued_as_if_undisturbed(abilities) -> None:
     undisturbed = measured_bench(abilities, models=4).desk.state

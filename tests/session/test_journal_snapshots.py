@@ -244,6 +244,7 @@ def often(monkeypatch: pytest.MonkeyPatch) -> None:
 OFTEN = pytest.mark.usefixtures("often")
 
 
+@pytest.mark.slow
 @OFTEN
 def test_opening_begins_at_a_snapshot(tmp_path: Path) -> None:
     day = Day(tmp_path / "b")

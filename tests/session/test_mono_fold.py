@@ -197,6 +197,7 @@ class Draft:
                 return seen(state, point, self.side)
 
 
+@pytest.mark.slow
 @given(
     st.lists(
         st.builds(

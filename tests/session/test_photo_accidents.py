@@ -274,6 +274,7 @@ def test_photos_are_laid_out_where_they_were_exposed() -> None:
         np.testing.assert_allclose(steps, 92.0, atol=14.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("common", [None, 0, 1, 3])
 def test_photos_with_few_points_in_common_are_not_laid_out(
     common: int | None, tmp_path: Path, capsys: pytest.CaptureFixture[str]

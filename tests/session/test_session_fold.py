@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sessionscene import Scene
@@ -130,6 +131,7 @@ def played(steps: list[Draft]) -> tuple[list[Event], list[SessionState]]:
     return events, states
 
 
+@pytest.mark.slow
 @given(drafts)
 @settings(max_examples=120)
 def test_the_fold_of_what_was_accepted_is_the_state(steps: list[Draft]) -> None:
@@ -140,6 +142,7 @@ def test_the_fold_of_what_was_accepted_is_the_state(steps: list[Draft]) -> None:
     assert fold(states[half], events[half:]) == states[-1]
 
 
+@pytest.mark.slow
 @given(drafts)
 @settings(max_examples=120)
 def test_undo_is_the_exact_inverse_and_undoing_all_gives_the_start(steps: list[Draft]) -> None:

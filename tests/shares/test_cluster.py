@@ -301,6 +301,7 @@ def refused(address: str) -> str:
     return str(error.value)
 
 
+@pytest.mark.slow
 def test_nobody_who_answers_is_one_line() -> None:
     with socket.create_server(("127.0.0.1", 0)) as silent:
         port = silent.getsockname()[1]
@@ -310,6 +311,7 @@ def test_nobody_who_answers_is_one_line() -> None:
     assert "\n" not in told
 
 
+@pytest.mark.slow
 def test_another_kind_of_server_is_one_line() -> None:
     class Quiet(http.server.SimpleHTTPRequestHandler):
         def log_message(self, *_: object) -> None: ...

@@ -69,6 +69,7 @@ class Shuffled(Executor):
         self.thread.join()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("workers", [1, 4])
 def test_the_figures_are_those_of_one_process(workers: int) -> None:
     one = simulate(SMALL, seed=3)

@@ -43,6 +43,7 @@ def read(file: Path, options: ImportOptions = PLAIN) -> Block:
     return blocksexchange.read(file, options).block
 
 
+@pytest.mark.slow
 def test_every_orientation_gives_the_poses_and_pixels_that_colmap_has(
     tmp_path: Path, scene: TiltedBlock
 ) -> None:
@@ -102,6 +103,7 @@ def test_control_points(tmp_path: Path, scene: TiltedBlock) -> None:
     assert found.block.name == "A & B"
 
 
+@pytest.mark.slow
 def test_what_is_written_is_read_back(
     tmp_path: Path, scene: TiltedBlock, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -589,6 +589,7 @@ def test_binary_that_is_wrong_is_named(
     assert f"{part}.bin" in said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", ["cameras", "images", "points3D"])
 def test_a_file_cut_anywhere_is_no_model(tmp_path: Path, part: str) -> None:
     made = sample(photos=2, points=6)
@@ -632,6 +633,7 @@ def test_a_text_line_beyond_all_measure_is_refused(
         colmap.read(source, PLAIN)
 
 
+@pytest.mark.slow
 @given(
     st.sampled_from(["cameras", "images", "points3D"]),
     st.integers(0, 3000),

@@ -27,6 +27,7 @@ def measured(at: Path, text: str, options: ImportOptions = PLAIN) -> list[tuple[
     return [p.measured or (p.x, p.y) for p in pixels.read(at, options).block.image_points]
 
 
+@pytest.mark.slow
 def test_a_table_and_its_control_become_a_block(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

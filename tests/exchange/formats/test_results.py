@@ -133,6 +133,7 @@ def test_azimuths_count_clockwise_from_north(covariance: list[list[float]], azim
     assert found.a >= found.b
 
 
+@pytest.mark.slow
 def test_ellipses_are_cut_at_the_180th_meridian(
     block: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -192,6 +193,7 @@ def test_local_coordinates_are_no_degrees_and_say_so(
     assert one["geometry"]["coordinates"][0] == pytest.approx(one["properties"]["X"], abs=1e-6)
 
 
+@pytest.mark.slow
 def test_csv_is_what_adjust_writes_and_theirs(block: Path, tmp_path: Path) -> None:
     assert main(["export", "csv", str(block), "-o", str(tmp_path / "out")]) == 0
     assert main(["adjust", str(block), "--to", str(tmp_path / "to")]) == 0
@@ -211,6 +213,7 @@ def test_csv_is_what_adjust_writes_and_theirs(block: Path, tmp_path: Path) -> No
     assert lon != LON
 
 
+@pytest.mark.slow
 def test_parquet_is_read_back_with_its_types(block: Path, tmp_path: Path) -> None:
     parquet = pytest.importorskip("pyarrow.parquet")
     assert main(["export", "parquet", str(block), "-o", str(tmp_path / "p")]) == 0

@@ -117,6 +117,7 @@ def test_scripts_of_dbat_and_documents_of_metashape_have_one_root(tmp_path: Path
     assert recognised(chunk).kind == "metashape"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
