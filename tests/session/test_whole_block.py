@@ -18,7 +18,7 @@ from anaplot.photogrammetry.camera import CameraCalibration
 from anaplot.planning.syntheticblock import synthetic_block
 from anaplot.station.imagepoints import rows_of
 
-SEEDS = 12
+SEEDS = 6
 
 
 @pytest.mark.slow
