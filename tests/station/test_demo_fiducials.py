@@ -33,7 +33,7 @@ def wrong_of(demo: Demo):
 
 
 def test_all_else_is_as_without_fiducials() -> None:
-    for seed in (1, 2, 3):
+    for seed in (1, 2):
         plain, demo = Demo.make(MODELS, seed), Demo.make(MODELS, seed, fiducials=True)
         wrong = wrong_of(demo)
         assert tuple(p for p in demo.plot.planted if p != wrong) == plain.plot.planted
@@ -70,7 +70,7 @@ def assert_found_and_repaired(demo: Demo, plain: Demo, outcome: Outcome) -> None
 
 
 @pytest.mark.usefixtures("without_block")
-@pytest.mark.parametrize("seed", range(1, 4))
+@pytest.mark.parametrize("seed", [1, 2])
 def test_the_missed_fiducial_is_found_and_repaired(tmp_path: Path, seed: int) -> None:
     demo, plain = Demo.make(MODELS, seed, fiducials=True), Demo.make(MODELS, seed)
     assert_found_and_repaired(demo, plain, run(demo, tmp_path / "demo"))
