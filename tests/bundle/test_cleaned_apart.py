@@ -320,9 +320,9 @@ def test_no_element_between_places_is_beyond_its_bound(kind: str) -> None:
 @pytest.mark.parametrize(
     ("kind", "seed", "count"),
     [
-        ("aerial", 1, 6),
-        ("aerial", 2, 8),
-        ("tilted", 3, 6),
+        pytest.param("aerial", 1, 6, marks=pytest.mark.slow),
+        pytest.param("aerial", 2, 8, marks=pytest.mark.slow),
+        pytest.param("tilted", 3, 6, marks=pytest.mark.slow),
         ("stated", 6, 4),
     ],
 )
@@ -432,6 +432,7 @@ def mismatched(scene, seed: int, count: int):
     return scene.with_rows(rows)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("strategy", ["baarda", "search"])
 @pytest.mark.parametrize(("seed", "count"), [(1, 6), (4, 9)])
 def test_sweeps_begin_without_what_is_far_off(

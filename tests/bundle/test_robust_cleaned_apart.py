@@ -23,6 +23,7 @@ def adjusted(scene):
     return adjust_bundle(problem, scene.start(problem))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("strategy", "kind", "seed"),
     [
@@ -54,6 +55,7 @@ def test_apart_is_as_one(monkeypatch, strategy: str, kind: str, seed: int) -> No
     assert apart.block.sigma0 == pytest.approx(one.block.sigma0, rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("strategy", ["huber", "danish"])
 @pytest.mark.parametrize(("seed", "count"), [(1, 6), (3, 9), (8, 8)])
 def test_mismatches_go_without_a_column_of_the_block(
