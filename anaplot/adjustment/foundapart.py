@@ -99,7 +99,7 @@ def found_apart(
     )
     if robust is not None:
         remarks = (*robust.remarks, *end.remarks)
-        end = end._replace(steps=[*robust.steps, *end.steps], remarks=remarks)
+        end = end._replace(steps=[*_named_last(robust.steps), *end.steps], remarks=remarks)
     if len(end.rows) >= most:
         size = np.where(allowed, standardized(end.given, [*end.rows, *left_out]), np.nan)
         size[[*end.rows, *left_out]] = np.nan
@@ -110,6 +110,14 @@ def found_apart(
     last = not end.rows if apart.draft else same
     weights = None if robust is None else robust.weights
     return _findings(system, strategy, settings, allowed, left_out, apart, end, weights, last=last)
+
+
+def _named_last(steps: list[SearchStep]) -> list[SearchStep]:
+    """Return re-weightings of which the last alone names the rows, which are the same in all.
+
+    A hundred times tens of thousands of them would be more than all else that is told.
+    """
+    return [*(step._replace(rows=()) for step in steps[:-1]), *steps[-1:]]
 
 
 def found_apart_at(

@@ -184,14 +184,20 @@ def reweight(
         Rows that have no weight, whatever they are off.
     """
     seen = Watch() if watch is None else watch
-    adjusted = weighted_adjustments(system)
-    weights, gone = np.ones(len(suspects)), list(left_out)
+    every, gone = weighted_adjustments(system), list(left_out)
+
+    def adjusted(weights: Array) -> Array:
+        v = every(weights)
+        v[gone] = 0.0
+        return v
+
+    weights = np.ones(len(suspects))
     if begin is not None:
         weights = np.where(suspects, np.maximum(begin, _SMALLEST_WEIGHT), 1.0)
     weights[gone] = 0.0
     v = np.array(system.e, dtype=float) if begin is None and not gone else adjusted(weights)
     changes: list[float] = []
-    sums = [float(v @ v)]
+    sums = [float((weights * v) @ v)]
     for iteration in range(_MOST_ITERATIONS):
         size = np.abs(v)
         if method == "huber":

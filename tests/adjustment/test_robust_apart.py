@@ -14,7 +14,7 @@ from test_strategies import random_system, system_of
 from anaplot.adjustment import strategies
 from anaplot.adjustment.doubts import Touching
 from anaplot.adjustment.elimination import Elimination, NotSeparableError
-from anaplot.adjustment.findings import SearchSettings
+from anaplot.adjustment.findings import SearchSettings, SearchStep
 from anaplot.adjustment.foundapart import Apart
 from anaplot.adjustment.leftout import ReducedSystem
 from anaplot.adjustment.places import Places
@@ -77,6 +77,12 @@ class Whole:
     drafted = adjusted
 
 
+def parted(steps: Sequence[SearchStep]) -> tuple[list[SearchStep], list[SearchStep]]:
+    """Re-weightings, and what comes after."""
+    count = sum(step.action == "reweight" for step in steps)
+    return list(steps[:count]), list(steps[count:])
+
+
 @pytest.mark.parametrize("strategy", ["huber", "danish"])
 @pytest.mark.parametrize("held", [(), (5, 20)])
 @given(st.integers(0, 10**6))
@@ -95,8 +101,15 @@ def test_in_a_single_place_it_is_what_it_is_as_one(
     there = np.setdiff1d(np.arange(len(system.e)), held)
     assert apart.at_end.weights[there] == pytest.approx(one.at_end.weights[there], abs=1e-6)
     # the same steps; what v'Pv they begin with, nobody knows place by place
-    assert [step[:2] for step in apart.steps] == [step[:2] for step in one.steps]
-    went = [step for step in apart.steps if step.action != "reweight"]
+    weighted, went = parted(apart.steps)
+    others, went_as_one = parted(one.steps)
+    assert [step[:2] for step in went] == [step[:2] for step in went_as_one]
+    # rows are named once
+    assert not any(step.rows for step in weighted[:-1])
+    assert weighted[-1].rows == others[-1].rows
+    assert [step[2:] for step in weighted] == [
+        pytest.approx(step[2:], rel=1e-6, abs=1e-6) for step in others
+    ]
     assert went[-1].after == pytest.approx(apart.at_end.vtpv, rel=1e-6)
 
 
