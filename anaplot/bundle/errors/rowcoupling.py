@@ -156,7 +156,7 @@ class RowCoupling:
             system = products[: step + 2, : step + 1]
             goal = np.zeros(step + 2)
             goal[0] = size
-            found = np.linalg.lstsq(system, goal)[0]
+            found = np.linalg.lstsq(system, goal, rcond=None)[0]
             left = float(np.linalg.norm(system @ found - goal)) / size
             if left <= _SOLVED or length <= _NOTHING_NEW * whole:
                 break
