@@ -180,12 +180,14 @@ class _Sweeps:
         """Go on until nothing changes or a set recurs."""
         steps: list[SearchStep] = []
         remarks: tuple[str, ...] = ()
-        out, number = self._begun() if begin is None else self._first_of(begin), 1
+        far = self._changes(0.0, frozenset(), exchange=False)
+        far.take(((there.steps, there.rows) for there in begin or ()), self.most)
+        out, number = self._begun() if begin is None else far.out, 1
         # of what the place was found without all is known there
         exact = begin is None and bool(out) and not self.draft
         given = self._given(out, number, exact=exact)
         if begin is not None:
-            steps = self._gone(given, out, begin)
+            steps = far.up_to(given.vtpv)
         elif out:
             begun = self._sweep(given, out, anew=True, share=_IN_THE_MEAN if self.robust else 1.0)
             steps, number = begun.steps, 2
@@ -233,32 +235,6 @@ class _Sweeps:
         if len(rows) > self.most:
             return frozenset()
         return frozenset(rows[self.suspects[rows]].tolist()).difference(self.held)
-
-    def _first_of(self, begin: Sequence[FarOff]) -> frozenset[int]:
-        """Return what goes to begin with: of the largest as many as may."""
-        out: set[int] = set()
-        for there in begin:
-            for step in there.steps:
-                if len(out) + len(step.rows) > self.most:
-                    break
-                out.update(there.gone(step))
-        return frozenset(out)
-
-    def _gone(
-        self, given: RowsGiven, out: frozenset[int], begin: Sequence[FarOff]
-    ) -> list[SearchStep]:
-        """Return the steps by which that went, to what is given without it."""
-        gone = [
-            (there.rows, step)
-            for there in begin
-            for step in there.steps
-            if out.issuperset(there.gone(step))
-        ]
-        value = given.vtpv + sum(step.before - step.after for _, step in gone)
-        changes = self._changes(value, frozenset(), exchange=False)
-        for rows, step in gone:
-            changes.add(step, rows)
-        return changes.steps
 
     def _given(self, out: frozenset[int], number: int, *, exact: bool) -> RowsGiven:
         self.watch(f"sweep {number}, {len(out)} rejected", 0.0)
@@ -322,11 +298,7 @@ class _Sweeps:
             largest[stays[at] & (largest >= top[at])] = 0.0
         changes = self._changes(value, kept, exchange=False)
         decided.sort(key=lambda one: -one[0])
-        for _, steps, mine in decided:
-            for step in steps:
-                if step.action != "drop" and changes.count + len(step.rows) > self.most:
-                    break
-                changes.add(step, mine)
+        changes.take(((steps, mine) for _, steps, mine in decided), self.most)
         return changes
 
     def _decided(
@@ -449,6 +421,22 @@ class _Changes:
                 last,
             )
         self.steps.append(step)
+
+    def take(self, decided: Iterable[tuple[list[SearchStep], Index]], most: int) -> None:
+        """Take up the steps of one place after another, as long as no more than `most` are out."""
+        for steps, rows in decided:
+            for step in steps:
+                if step.action != "drop" and self.count + len(step.rows) > most:
+                    break
+                self.add(step, rows)
+
+    def up_to(self, value: float) -> list[SearchStep]:
+        """Return the steps, told so that they end with this v'Pv."""
+        above = value - self._value
+        return [
+            step._replace(before=step.before + above, after=step.after + above)
+            for step in self.steps
+        ]
 
     def first_alone(self, out: frozenset[int], seen: Collection[frozenset[int]]) -> _Changes:
         """Return the first step that leads from `out` to a set not seen yet; none: no such step."""

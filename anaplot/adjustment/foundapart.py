@@ -65,9 +65,9 @@ def found_apart(
     system: ResidualSystem,
     strategy: str,
     settings: SearchSettings,
-    suspects: Bools | None,
+    suspects: Bools,
     left_out: Collection[int],
-    watch: Watch | None,
+    watch: Watch,
     apart: Apart,
     robust: Reweighting | None = None,
 ) -> Findings:
@@ -80,18 +80,17 @@ def found_apart(
     robust
         What "huber" and "danish" begin with: what this leaves far off goes, and comes back.
     """
-    n, most = len(system.names), settings.room(system.redundancy - len(left_out))
-    allowed = np.ones(n, dtype=bool) if suspects is None else suspects
-    going, begin = allowed, None
+    most = settings.room(system.redundancy - len(left_out))
+    going, begin = suspects, None
     if robust is not None:
-        begin = far_off(apart.without, robust, settings.alpha, allowed, most, left_out)
-        going = np.zeros(n, dtype=bool)
+        begin = far_off(apart.without, robust, settings.alpha, suspects, most, left_out)
+        going = np.zeros_like(suspects)
     end = clean_apart(
         apart.without,
         going,
         most,
         settings.alpha,
-        Watch() if watch is None else watch,
+        watch,
         held=left_out,
         draft=apart.draft,
         best=strategy == "search",
@@ -101,7 +100,7 @@ def found_apart(
         remarks = (*robust.remarks, *end.remarks)
         end = end._replace(steps=[*_named_last(robust.steps), *end.steps], remarks=remarks)
     if len(end.rows) >= most:
-        size = np.where(allowed, standardized(end.given, [*end.rows, *left_out]), np.nan)
+        size = np.where(suspects, standardized(end.given, [*end.rows, *left_out]), np.nan)
         size[[*end.rows, *left_out]] = np.nan
         if np.nanmax(size, initial=0.0) > critical_normal(settings.alpha):
             end = end._replace(remarks=(*end.remarks, stopped_at(most, settings.most)))
@@ -109,7 +108,7 @@ def found_apart(
     same = {*end.rows, *left_out} == {*apart.without.begun, *left_out}
     last = not end.rows if apart.draft else same
     weights = None if robust is None else robust.weights
-    return _findings(system, strategy, settings, allowed, left_out, apart, end, weights, last=last)
+    return _findings(system, strategy, settings, suspects, left_out, apart, end, weights, last=last)
 
 
 def _named_last(steps: list[SearchStep]) -> list[SearchStep]:

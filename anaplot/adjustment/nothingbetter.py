@@ -23,7 +23,7 @@ from anaplot.adjustment.residualsystem import DenseResiduals
 from anaplot.adjustment.significance import TESTABLE
 from anaplot.aliases import Array, Bools, Index
 
-__all__ = ["no_set_better", "nothing_better", "surely_best"]
+__all__ = ["explained", "no_set_better", "nothing_better", "surely_best"]
 
 
 _SEPARATE = 1e-6  # of their redundancy numbers that two rows leave of each other
@@ -161,7 +161,7 @@ def no_set_better(system: DenseResiduals, rows: Sequence[int], critical: float) 
         return False
     error = inverse @ e
     left, whole = e - error @ matrix, matrix - matrix @ inverse @ matrix
-    most = _explained(np.where(others, left[0], 0.0), whole[0] * np.outer(others, others))
+    most = explained(np.where(others, left[0], 0.0), whole[0] * np.outer(others, others))
     r = np.einsum("cii->ci", whole)
     if not (r[:, others] > _SEPARATE).all():
         return False
@@ -188,8 +188,8 @@ def no_set_better(system: DenseResiduals, rows: Sequence[int], critical: float) 
     return True
 
 
-def _explained(e: Array, matrix: Array) -> float:
-    """Return no less than all rows together can explain.
+def explained(e: Array, matrix: Array) -> float:
+    """Return no less v'Pv than all rows of a place can explain together, of e and R of theirs.
 
     What nothing checks has nothing to explain but rounding: nor can it be left out.
     """

@@ -19,18 +19,16 @@ import numpy as np
 from anaplot.adjustment.apart import FarOff
 from anaplot.adjustment.elimination import Elimination, NotSeparableError
 from anaplot.adjustment.findings import SearchStep
+from anaplot.adjustment.nothingbetter import explained
 from anaplot.adjustment.places import Places
 from anaplot.adjustment.reweighting import Reweighting
 from anaplot.adjustment.significance import critical_normal
 from anaplot.adjustment.stepwise import beyond_limit, reject_sizes
 from anaplot.adjustment.watch import Watch
 from anaplot.adjustment.withoutrows import RowsGiven, WithoutRows, places_without
-from anaplot.aliases import Array, Bools
+from anaplot.aliases import Bools
 
 __all__ = ["far_off"]
-
-
-_NONE = 1e-12  # of R, whose eigenvalues are between 0 and 1: nothing checks that
 
 
 def far_off(
@@ -88,7 +86,9 @@ def _at_places(
         there = _at_full_weight(places, robust)
         for at, rows in enumerate(places.rows):
             state = Elimination(there.place(at).system)
-            steps = reject_sizes(state, size[rows], critical, suspects[rows], most, Watch())
+            mine = size[rows]
+            going = beyond_limit(mine, critical, suspects[rows])
+            steps = reject_sizes(state, mine, going, critical, suspects[rows], most, Watch())
             if steps:
                 found.append(FarOff(rows, steps))
     found.sort(key=lambda one: -(one.steps[0].statistic or 0.0))
@@ -120,12 +120,5 @@ def _at_full_weight(places: Places, robust: Reweighting) -> Places:
     p, v = robust.weights[places.rows], robust.misclosures[places.rows]
     z = (1.0 - p) * v
     e = p * v + np.einsum("cij,cj->ci", places.matrix, z)
-    return places._replace(e=e, vtpv=_explained(places.matrix, e))
-
-
-def _explained(matrix: Array, e: Array) -> Array:
-    """(c,) v'Pv that all rows of c places together explain: that of none of them is larger."""
-    value, vector = np.linalg.eigh(matrix)
-    along = np.einsum("cij,ci->cj", vector, e)
-    checked = value > _NONE
-    return np.asarray(np.sum(np.where(checked, along**2 / np.where(checked, value, 1.0), 0.0), 1))
+    pairs = zip(e, places.matrix, strict=True)
+    return places._replace(e=e, vtpv=np.array([explained(one, matrix) for one, matrix in pairs]))

@@ -271,29 +271,30 @@ def beyond_limit(size: Array, critical: float, suspects: Bools) -> Index:
 
 
 def reject_sizes(
-    state: Elimination, size: Array, critical: float, suspects: Bools, most: int, watch: Watch
+    state: Elimination,
+    size: Array,
+    beyond: Index,
+    critical: float,
+    suspects: Bools,
+    most: int,
+    watch: Watch,
 ) -> list[SearchStep]:
-    """Reject the suspects beyond a critical value, or their likelier partners, largest first.
+    """Reject rows one after another, or their likelier partners.
 
     Parameters
     ----------
-    state
-        Where it begins; it is changed.
+    state, suspects, most, watch
+        As `stepwise` has them.
     size
         (n,) absolute misclosures of a robust adjustment [a-priori sigmas].
+    beyond
+        Which of them are `beyond_limit`, in that order.
     critical
-        What they are tested against.
-    suspects
-        (n,) rows that may be rejected.
-    most
-        Largest number of rows rejected.
-    watch
-        Told how far it is; asked whether to stop.
+        The limit.
     """
     steps: list[SearchStep] = []
     proposals = Proposals(state.system.names)
-    beyond = beyond_limit(size, critical, suspects).tolist()
-    for k, first in enumerate(beyond):
+    for k, first in enumerate(beyond.tolist()):
         if len(state.rows) >= most or watch.stopped:
             break
         watch("rejecting", k / len(beyond))

@@ -53,7 +53,7 @@ from anaplot.adjustment.pairodds import MOST_ROWS_OF_PAIRS, pair_odds, pair_odds
 from anaplot.adjustment.partners import WEAK, Proposals
 from anaplot.adjustment.reliability import ERROR_PRIOR_SIGMAS
 from anaplot.adjustment.residualsystem import ResidualSystem
-from anaplot.adjustment.reweighting import robust_adjustment
+from anaplot.adjustment.reweighting import Reweighting, robust_adjustment
 from anaplot.adjustment.search import search
 from anaplot.adjustment.setodds import MostProbableSet, most_probable_set, set_odds
 from anaplot.adjustment.significance import TESTABLE, critical_normal
@@ -166,15 +166,19 @@ def find_gross_errors(
     if strategy not in STRATEGIES:
         raise ValueError(f"no strategy {strategy!r}; there are {', '.join(STRATEGIES)}")
     used = SearchSettings() if settings is None else settings
+    n, watch = len(system.names), Watch() if watch is None else watch
+    suspects = np.ones(n, dtype=bool) if suspects is None else np.asarray(suspects, dtype=bool)
     if apart is not None and strategy in APART and not used.pairs:
-        if strategy not in _ROBUST:
-            return found_apart(system, strategy, used, suspects, left_out, watch, apart)
-        robust = _robust_apart(system, strategy, used, suspects, left_out, watch, apart, near)
-        if robust is not None:
-            return robust
+        robust: Reweighting | None = None
+        gives_way: tuple[type[Exception], ...] = ()
+        if strategy in _ROBUST:
+            # where all that is far off leaves something open, it goes one after another: as one
+            gives_way = (NotComputableError, NotSeparableError)
+            robust = _robust_apart(system, strategy, suspects, left_out, watch, apart, near)
+        with suppress(*gives_way):
+            return found_apart(system, strategy, used, suspects, left_out, watch, apart, robust)
     if left_out:
         system = ReducedSystem(system, left_out)
-    n = len(system.e)
     if used.pairs and n > MOST_ROWS_OF_PAIRS:
         raise ValueError(f"odds over pairs of {n} rows: at most {MOST_ROWS_OF_PAIRS}")
     task = _Task.of(system, used, suspects, watch)
@@ -453,25 +457,16 @@ def _method(strategy: str) -> Literal["huber", "danish"]:
 def _robust_apart(
     system: ResidualSystem,
     strategy: str,
-    settings: SearchSettings,
-    suspects: Bools | None,
+    suspects: Bools,
     left_out: Collection[int],
-    watch: Watch | None,
+    watch: Watch,
     apart: Apart,
     near: Collection[int] | None,
-) -> Findings | None:
-    """Re-weight as one, reject what is far off apart.
-
-    None where nothing would check some of it when all of it goes: it goes one after another.
-    """
-    allowed = np.ones(len(system.names), dtype=bool) if suspects is None else suspects
+) -> Reweighting:
+    """Re-weight as one what is rejected apart."""
     if strategy == "danish" and apart.without.begun:
         near = apart.without.begun  # it is known of these already, whichever pass it is
-    seen = Watch() if watch is None else watch
-    robust = robust_adjustment(system, _method(strategy), allowed, seen, near, left_out)
-    with suppress(NotComputableError, NotSeparableError):
-        return found_apart(system, strategy, settings, suspects, left_out, watch, apart, robust)
-    return None
+    return robust_adjustment(system, _method(strategy), suspects, watch, near, left_out)
 
 
 def _robust(task: _Task, method: Literal["huber", "danish"], near: Collection[int] | None) -> _End:
@@ -485,10 +480,11 @@ def _robust(task: _Task, method: Literal["huber", "danish"], near: Collection[in
 
 def _reject_beyond(task: _Task, state: Elimination, size: Array) -> list[SearchStep]:
     """Reject the suspects beyond the critical value, or their likelier partners, largest first."""
-    beyond = beyond_limit(size, task.critical, task.suspects)[: task.most]
-    _check_memory(len(beyond), len(size))
-    state.system.columns(beyond)  # all of them at once
-    return reject_sizes(state, size, task.critical, task.suspects, task.most, task.watch)
+    critical, suspects, most = task.critical, task.suspects, task.most
+    beyond = beyond_limit(size, critical, suspects)
+    _check_memory(len(beyond[:most]), len(size))
+    state.system.columns(beyond[:most])  # all of them at once
+    return reject_sizes(state, size, beyond, critical, suspects, most, task.watch)
 
 
 def _check_memory(rejected: int, n: int) -> None:
