@@ -134,6 +134,18 @@ class Relinearised(Protocol[S, K, R]):
         """Return how it is seen without some rows where these are cleaned apart; None: as one."""
         ...
 
+    def mistakes(self, out: frozenset[K], at: S) -> int:
+        """Return how many mistakes put rows out: those of one cause count once.
+
+        Parameters
+        ----------
+        out
+            The rows.
+        at
+            The solution without them.
+        """
+        ...
+
     def astray(self, error: NotComputableError) -> bool:
         """Whether an error of `without` means that the iteration diverged."""
         ...
@@ -164,7 +176,7 @@ class CleaningEnd(Generic[S, K, R]):
     refused
         What could not be left out.
     score
-        v'Pv plus c^2 for every row that is out: less is better.
+        v'Pv plus c^2 for every mistake, a row that is out or several: less is better.
     held
         Rows that were out from the beginning and not looked at.
     settled
@@ -332,7 +344,6 @@ class Cleaning(Generic[S, K, R]):
         why: str,
     ) -> CleaningEnd[S, K, R]:
         """Return the best of the sets that were met, seen from its own solution."""
-        cost = critical_normal(self.settings.alpha) ** 2
         known = {out: one for out, one in solved.items() if out in proposals}
         if not known:
             raise NotComputableError(
@@ -340,7 +351,7 @@ class Cleaning(Generic[S, K, R]):
                 f"{next(iter(barred.values()))}"
             )
         # of sets that differ by rounding alone the first that was met
-        out = min(known, key=lambda one: round(known[one].vtpv + cost * _count(one, known[one]), 6))
+        out = min(known, key=lambda one: round(self._score(known[one], one), 6))
         names, found, place = proposals[out]
         system = self.subject.residuals(known[out].solution, len(passes) + 1)
         if len(system.names) != len(names) or not all(map(eq, system.names, names)):
@@ -368,13 +379,24 @@ class Cleaning(Generic[S, K, R]):
         barred: dict[K, str],
         held: frozenset[K],
     ) -> CleaningEnd[S, K, R]:
-        score = one.vtpv + critical_normal(self.settings.alpha) ** 2 * _count(out, one)
         refused = tuple(Refused(name, reason) for name, reason in barred.items())
         stopped = self.watch.stopped
         remarks = (_INTERRUPTED,) if stopped else ()
         return CleaningEnd(
-            one, system, out, tuple(passes), refused, score, held, not stopped, remarks
+            one,
+            system,
+            out,
+            tuple(passes),
+            refused,
+            self._score(one, out),
+            held,
+            not stopped,
+            remarks,
         )
+
+    def _score(self, one: SolvedWithout[S, K], out: frozenset[K]) -> float:
+        mistakes = self.subject.mistakes(out.union(one.also), one.solution)
+        return one.vtpv + critical_normal(self.settings.alpha) ** 2 * mistakes
 
 
 class Attempts(Generic[S, K, R]):
@@ -445,10 +467,6 @@ class Attempts(Generic[S, K, R]):
 def best_of(ends: Collection[CleaningEnd[S, K, R]]) -> CleaningEnd[S, K, R]:
     """Return the end of the smallest score, of equal ones the first."""
     return min(ends, key=lambda end: round(end.score, 6))
-
-
-def _count(out: frozenset[K], one: SolvedWithout[S, K]) -> int:
-    return len(out.union(one.also))
 
 
 def _names(system: ResidualSystem, like: frozenset[K]) -> Sequence[K]:

@@ -199,6 +199,10 @@ class _ModelRows:
     def apart(self, system: ModelResiduals, at: ModelSolution) -> None:
         """Return None: a model is cleaned as one."""
 
+    def mistakes(self, out: frozenset[RowKey], at: ModelSolution) -> int:
+        """Return how many rows are out."""
+        return len(out)
+
     def astray(self, error: NotComputableError) -> bool:
         """Whether the iteration has lost its way: one that has none tries the next set."""
         return False

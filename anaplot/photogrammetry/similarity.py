@@ -14,6 +14,7 @@ from anaplot.photogrammetry.collinearity import turns
 __all__ = [
     "Similarity",
     "agreeing_sets",
+    "exchanged_pair",
     "fit_similarity",
     "fit_to_partial",
     "line_of",
@@ -29,6 +30,8 @@ _ON_A_LINE = 0.02  # extent across over extent along below which points leave a 
 _CLOSE = 1e-10  # step after which a similarity is refined
 _SAMPLES = 200  # triples that are tried of more points
 _ALL_TRIPLES = 12  # points of which all triples are tried, where that is done rarely
+_ALL_PAIRS = 40  # points of which every two are exchanged
+_AS_ONE = 0.2  # of what two other points leave when they are exchanged
 _AT_ONCE = 16384  # distances that stay at hand while they are used
 
 
@@ -142,6 +145,34 @@ def agreeing_sets(source: Array, target: Array, most: int) -> list[Bools]:
                 break
     best = sorted(found.values(), key=lambda one: -one[0])
     return [inside for gap, inside in best[:most] if gap > 1.0]
+
+
+def exchanged_pair(source: Array, target: Array) -> tuple[int, int] | None:
+    """Return the two points with whose targets exchanged all points agree; None: no two tell so.
+
+    A similarity then leaves a fifth at most of what it leaves as the targets are, and with any two
+    others exchanged.
+
+    Parameters
+    ----------
+    source, target
+        (n, 3) points before and after; five at least, and at most as many as have few pairs.
+    """
+    n = len(source)
+    if not 5 <= n <= _ALL_PAIRS:
+        return None
+    pairs = np.array(list(combinations(range(n), 2)))
+    targets = np.repeat(target[None], len(pairs) + 1, axis=0)
+    at = np.arange(len(pairs))[:, None]
+    targets[at, pairs] = target[pairs[:, ::-1]]
+    scale, rotation, shift = _closed_form(np.broadcast_to(source, targets.shape), targets)
+    there = scale[:, None, None] * (source @ rotation.transpose(0, 2, 1)) + shift[:, None]
+    left = np.linalg.norm(there - targets, axis=(1, 2))
+    best, next_best = np.argsort(left)[:2].tolist()
+    if best == len(pairs) or not left[best] < _AS_ONE * left[next_best]:
+        return None
+    first, second = pairs[best].tolist()
+    return first, second
 
 
 def _triples(source: Array, target: Array, *, all_up_to: int = 8) -> Index:

@@ -68,6 +68,9 @@ class Circle:
     def apart(self, system: ResidualSystem, at: np.ndarray) -> None:
         return None
 
+    def mistakes(self, out: frozenset[int], at: np.ndarray) -> int:
+        return len(out)
+
     def astray(self, error: NotComputableError) -> bool:
         return False
 

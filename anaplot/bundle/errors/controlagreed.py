@@ -8,7 +8,6 @@ them; the block that lies on these tells of the others, coordinate by coordinate
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -27,7 +26,7 @@ from anaplot.bundle.solve.structure import make_structure
 from anaplot.bundle.start.approximate import laid_onto_control
 from anaplot.bundle.start.freenetwork import free_network
 from anaplot.errors import NotComputableError
-from anaplot.photogrammetry.similarity import agreeing_sets
+from anaplot.photogrammetry.similarity import agreeing_sets, exchanged_pair
 
 __all__ = ["AgreedPlace", "agreed_places", "contradicted", "control_out", "doubtful"]
 
@@ -46,10 +45,13 @@ class AgreedPlace(NamedTuple):
         The block adjusted on the control that agrees.
     out
         The coordinates of other control that are wrong then.
+    score
+        v'Pv there plus c^2 for every one of these.
     """
 
     place: BlockPlace
     out: frozenset[ObservationName]
+    score: float
 
 
 def contradicted(problem: Problem, out: frozenset[ObservationName]) -> bool:
@@ -78,7 +80,7 @@ def control_out(problem: Problem, out: frozenset[ObservationName]) -> float:
 
     A control point is out with any of its coordinates, or with most of its rays.
     """
-    known = _whole_control(problem)
+    known = np.flatnonzero(problem.controlled.all(axis=1))
     if len(known) < _FEWEST or problem.defect:
         return 0.0
     at = {problem.points[k]: k for k in known.tolist()}
@@ -103,8 +105,11 @@ def agreed_places(
     rejected: Bools | None,
     alpha: float,
     progress: Progress | None = None,
-) -> Iterator[AgreedPlace]:
+) -> list[AgreedPlace]:
     """Adjust a block on those of its control points that lie to each other as the photos say.
+
+    Two that were interchanged leave too few others to be found by these alone: it is asked with
+    which two exchanged all of them agree.
 
     Parameters
     ----------
@@ -119,13 +124,13 @@ def agreed_places(
     progress
         Called with what is being done and the fraction of it.
 
-    Yields
-    ------
-    AgreedPlace
-        Of every set of control that may be right, the likeliest first. There is none where the
-        photos make no free network, or control free of error would be wrong.
+    Returns
+    -------
+    list of AgreedPlace
+        Of every set of control that may be right, that of the least score first. There is none
+        where the photos make no free network, or control free of error would be wrong.
     """
-    known = _whole_control(problem)
+    known = np.flatnonzero(problem.controlled.all(axis=1))
     if rejected is not None:
         # a ray of wrong control was rejected for it
         rejected = rejected & ~np.isin(problem.point, known)[:, None]
@@ -133,16 +138,22 @@ def agreed_places(
     try:
         free, network = free_network(problem, start, progress)
     except (NotComputableError, np.linalg.LinAlgError):
-        return
+        return []
     at = {point: k for k, point in enumerate(free.points)}
     known = np.array([k for k in known.tolist() if problem.points[k] in at], dtype=np.intp)
     if len(known) < _FEWEST:
-        return
+        return []
     seen = network.points[[at[problem.points[k]] for k in known.tolist()]]
     ground = problem.known[known] - problem.known[known].mean(axis=0)
-    for agree in agreeing_sets(seen, ground, _MOST):
+    places = []
+    for agree in _agreeing(seen, ground):
         others = known[~agree]
         if problem.fixed[others].any():
+            continue
+        agreed = problem.known.copy()
+        agreed[others] = np.nan
+        laid = laid_onto_control(replace(problem, known=agreed), free, network)
+        if laid is None:
             continue
         # a point that its rays do not determine alone needs its control, however loosely
         for loose in (np.nan, _LOOSE * float(np.ptp(ground, axis=0).max())):
@@ -150,28 +161,32 @@ def agreed_places(
             sigma[others] = loose
             reduced = replace(problem, known_sigma=sigma, rejected=rejected)
             try:
-                found = _adjusted(reduced, free, network, progress)
+                found = _adjusted(reduced, laid, progress)
                 wrong = _wrong(problem, found, others, alpha)
             except (NotComputableError, np.linalg.LinAlgError):
                 continue
             exact = not np.isfinite(loose)
-            yield AgreedPlace(BlockPlace.of(found) if exact else BlockPlace(found.state), wrong)
+            place = BlockPlace.of(found) if exact else BlockPlace(found.state)
+            score = found.convergence.last + critical_normal(alpha) ** 2 * len(wrong)
+            place.let_go()  # as large as the block
+            places.append(AgreedPlace(place, wrong, score))
             break
+    return sorted(places, key=lambda one: one.score)
 
 
-def _whole_control(problem: Problem) -> Index:
-    """Return the control points with three coordinates."""
-    whole = (problem.fixed | np.isfinite(problem.known_sigma)).all(axis=1)
-    return np.flatnonzero(whole)
+def _agreeing(seen: Array, ground: Array) -> list[Bools]:
+    """Return which control may be right: all but two that were exchanged, and what agrees."""
+    sets = agreeing_sets(seen, ground, _MOST)
+    pair = exchanged_pair(seen, ground)
+    if pair is not None:
+        others = np.ones(len(seen), dtype=bool)
+        others[list(pair)] = False
+        sets = [others, *(one for one in sets if not np.array_equal(one, others))]
+    return sets
 
 
-def _adjusted(
-    reduced: Problem, free: Problem, network: BlockState, progress: Progress | None
-) -> Minimum:
+def _adjusted(reduced: Problem, laid: BlockState, progress: Progress | None) -> Minimum:
     """Return the minimum of a bundle on the control that it has left."""
-    laid = laid_onto_control(reduced, free, network)
-    if laid is None:
-        raise NotComputableError(f"block {reduced.block.name}: control does not suffice")
     check_datum(reduced, laid)
     structure = make_structure(reduced, laid.centres)
     return find_minimum(reduced, laid, structure, progress=progress)

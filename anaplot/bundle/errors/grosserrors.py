@@ -39,7 +39,13 @@ from anaplot.adjustment.watch import Watch
 from anaplot.bundle.adjust import evaluate, points_settled
 from anaplot.bundle.errors.before import BlockBefore
 from anaplot.bundle.errors.blockrows import BlockPlace, BlockRows
-from anaplot.bundle.errors.controlagreed import agreed_places, contradicted, doubtful
+from anaplot.bundle.errors.controlagreed import (
+    agreed_places,
+    contradicted,
+    control_out,
+    doubtful,
+)
+from anaplot.bundle.errors.exchangedcontrol import ExchangedControl, exchanged_control
 from anaplot.bundle.errors.laterresiduals import AllRows
 from anaplot.bundle.errors.leftout import missing
 from anaplot.bundle.errors.misfits import (
@@ -113,6 +119,8 @@ class BlockFindings(Cleaned[BlockPlace, ObservationName, AllRows]):
     against
         Coordinates of control that stay out because control that agrees tells against them
         (`agreed_places`).
+    exchanged
+        Control points that are interchanged, of those with coordinates out.
     mirrored
         That control is the mirror image of what the photos show, where a search among gross errors
         has ended beside that; else None.
@@ -125,6 +133,7 @@ class BlockFindings(Cleaned[BlockPlace, ObservationName, AllRows]):
     misnamed: tuple[MisnamedRay, ...] = ()
     far: frozenset[ObservationName] = frozenset()
     against: frozenset[ObservationName] = frozenset()
+    exchanged: tuple[ExchangedControl, ...] = ()
     mirrored: str | None = None
 
     @property
@@ -205,6 +214,7 @@ class BlockFindings(Cleaned[BlockPlace, ObservationName, AllRows]):
     def remarks(self) -> tuple[str, ...]:
         """Sentences: what limited the search, and photos or control that is wrong as a whole."""
         said = list(super().remarks)
+        said += [pair.sentence for pair in self.exchanged]
         if self.mirrored is not None and self.mirrored not in self.block.warnings:
             said.append(self.mirrored)
         for photos, are_more in (
@@ -275,7 +285,8 @@ def block_gross_errors(
     Control free of error is not observed and thus never suspected; priors on additional
     parameters take part but are not rejected. Where the adjustment with all observations is torn
     (sigma0 above 4), a robust state is a second place to begin, and the better end counts: less
-    v'Pv plus c^2 for every rejected row. Sets that come again without end are decided likewise.
+    v'Pv plus c^2 for every rejected row, two interchanged control points counted as one. Sets that
+    come again without end are decided likewise.
     """
     if strategy not in STRATEGIES:
         raise ValueError(f"no strategy {strategy!r}; there are {', '.join(STRATEGIES)}")
@@ -364,6 +375,7 @@ def block_gross_errors(
         misnamed,
         far,
         against & end.held,
+        exchanged_control(every, end.solved.solution.state, end.out - held),
         next(iter(told), None),
     )
 
@@ -529,12 +541,16 @@ def _begin_on_agreed(
     places = agreed_places(
         problem, best.solved.solution.state, rejected, attempts.cleaning.settings.alpha, watch
     )
-    against = _Names()
-    for place, out in places:
+    against, agreed = _Names(), False
+    for place, out, score in places:
+        # where a search has found nothing against the control of its place, less likely ones wait
+        if agreed and score > best_of(attempts.ends).score:
+            break
         before = len(attempts.ends)
         attempts.begin(place, None, held | out)
         against |= out
         ended = attempts.ends[before:]
         if watch.stopped or any(not contradicted(problem, end.out - held) for end in ended):
             break
+        agreed |= any(end.settled and not control_out(problem, end.out - end.held) for end in ended)
     return against
