@@ -96,6 +96,8 @@ def test_two_wrong_control_points_are_found(
         ("oblique", 5, "baarda"),
         # had no solution
         ("oblique", 7, "baarda"),
+        # rays of control were taken for other points', and stayed out: 2 km off
+        ("strip", 8, "search"),
         # rejected rays of a third point, and lay kilometres off: sigma0 was 1
         ("block", 4, "danish"),
     ],

@@ -373,7 +373,7 @@ def block_gross_errors(
         used,
         held,
         misnamed,
-        far,
+        far & end.held,
         against & end.held,
         exchanged_control(every, end.solved.solution.state, end.out - held),
         next(iter(told), None),
@@ -504,7 +504,10 @@ def _best_end(
     best = best_of(attempts.ends) if attempts.ends else None
     against = _Names()
     if best is not None and contradicted(problem, best.out - held):
-        against = _begin_on_agreed(attempts, subject, best, held | far)
+        # a ray of wrong control may be far off for it
+        known = {problem.points[k] for k in np.flatnonzero(problem.controlled.all(axis=1)).tolist()}
+        far_elsewhere = {name for name in far if name[2] not in known}
+        against = _begin_on_agreed(attempts, subject, best, held | far_elsewhere)
     kept_out = frozenset(missing(problem, reduced)) - held
     # so many misfits, and residuals that contradict the a-priori sigma: it is wrong, not they
     many = 2 * len(kept_out) > cleaning.settings.room(problem.redundancy)
