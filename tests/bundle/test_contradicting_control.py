@@ -130,7 +130,9 @@ def test_interchanged_control_is_one_mistake() -> None:
     out = coordinates(f"{a}.X", f"{a}.Y", f"{b}.X")
     (pair,) = exchanged_control(problem, state, out | {("image", "f1", "p2", None, "x")})
     assert (set(pair.points), pair.coordinates) == ({a, b}, out)
-    subject = BlockRows(problem, make_structure(problem, state.centres), Watch(), control_only=False)
+    subject = BlockRows(
+        problem, make_structure(problem, state.centres), Watch(), control_only=False
+    )
     at = BlockPlace(state)
     assert subject.mistakes(out, at) == 1
     c = next(point.point for point in wrong.block.control if point.point not in (a, b))

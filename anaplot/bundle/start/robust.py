@@ -30,6 +30,7 @@ from anaplot.bundle.start.subblock import SubBlock, intersect_rays, rays_of_phot
 from anaplot.errors import NotComputableError
 
 __all__ = [
+    "ADVICE",
     "OFF",
     "OF_A_PHOTO",
     "FarOff",
@@ -43,6 +44,11 @@ __all__ = [
     "robust_suspects",
 ]
 
+
+ADVICE = (
+    "remeasure what is named or switch it off (use = off), or let --errors search begin without it"
+)
+"""What to do where measurements that disagree are named."""
 
 OFF = 20.0
 """Sigmas by which a ray or control is off."""
@@ -109,8 +115,7 @@ def no_minimum_error(
     if open_part is not None:
         said.append(f"there {str(open_part).removeprefix(f'block {problem.block.name}: ')}")
     said.append(
-        "remeasure what is named or switch it off (use = off), or let --errors search begin "
-        "without it"
+        ADVICE
         if worst
         else "look at these, or state where the photos are ([[photo]] position and rotation)"
     )
