@@ -33,6 +33,7 @@ __all__ = ["AgreedPlace", "agreed_places", "contradicted", "control_out", "doubt
 _FEWEST = 4  # control points, of which one may be told by the others
 _SHARE = 1 / 3  # of the control points may be wrong without a doubt about the others
 _LOOSE = 100.0  # times its extent: sigma of control that hardly holds anything
+_TRIES = 40  # steps: control that agrees lies nearly where the network says
 _MOST = 3  # sets of control that are tried
 
 
@@ -189,7 +190,7 @@ def _adjusted(reduced: Problem, laid: BlockState, progress: Progress | None) -> 
     """Return the minimum of a bundle on the control that it has left."""
     check_datum(reduced, laid)
     structure = make_structure(reduced, laid.centres)
-    return find_minimum(reduced, laid, structure, progress=progress)
+    return find_minimum(reduced, laid, structure, tries=_TRIES, progress=progress)
 
 
 def _wrong(

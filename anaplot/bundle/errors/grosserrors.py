@@ -36,6 +36,7 @@ from anaplot.adjustment.scale import (
 from anaplot.adjustment.significance import critical_normal
 from anaplot.adjustment.strategies import STRATEGIES
 from anaplot.adjustment.watch import Watch
+from anaplot.aliases import Bools
 from anaplot.bundle.adjust import evaluate, points_settled
 from anaplot.bundle.errors.before import BlockBefore
 from anaplot.bundle.errors.blockrows import BlockPlace, BlockRows
@@ -484,16 +485,21 @@ def _best_end(
         state = among_points(reduced, problem, state)
     here = BlockPlace(state)
     place = here
-    far = _Names()
     if second is not None:
         reduced, place = second.problem, second.place
         state = place.state
+    kept_out = frozenset(missing(problem, reduced)) - held
+    far, against, agreed = _Names(), _Names(), False
     with suppress(np.linalg.LinAlgError):
         if second is not None and cleaning.by_apriori:
             _check_scale_at(subject, state, first, cleaning.settings.alpha)
         # what was taken for another point's would only hide what is wrong with the others
         far = mismatched(problem, reduced, state)
-        if far:
+        if contradicted(problem, kept_out):
+            # what is wrong is known nearly: all of it in would only lead away
+            at = (state, reduced.rejected)
+            agreed, against = _begin_on_agreed(attempts, subject, *at, far, held)
+        if far and not agreed:
             attempts.begin(place, None, held | far)
         if second is not None and not attempts.ends:
             attempts.begin(place, None, held)
@@ -502,13 +508,10 @@ def _best_end(
     if not any(end.settled and end.score <= torn for end in attempts.ends):
         attempts.begin(here, SolvedWithout(here, first.vtpv) if complete else None, held)
     best = best_of(attempts.ends) if attempts.ends else None
-    against = _Names()
-    if best is not None and contradicted(problem, best.out - held):
-        # a ray of wrong control may be far off for it
-        known = {problem.points[k] for k in np.flatnonzero(problem.controlled.all(axis=1)).tolist()}
-        far_elsewhere = {name for name in far if name[2] not in known}
-        against = _begin_on_agreed(attempts, subject, best, held | far_elsewhere)
-    kept_out = frozenset(missing(problem, reduced)) - held
+    if best is not None and not agreed and contradicted(problem, best.out - held):
+        rays = frozenset(name for name in best.out if name[0] == "image")
+        at = (best.solved.solution.state, subject.problem_without(rays).rejected)
+        _, against = _begin_on_agreed(attempts, subject, *at, far, held)
     # so many misfits, and residuals that contradict the a-priori sigma: it is wrong, not they
     many = 2 * len(kept_out) > cleaning.settings.room(problem.redundancy)
     if not attempts.ends and kept_out and not (attempts.doubted and many):
@@ -519,31 +522,37 @@ def _best_end(
 def _begin_on_agreed(
     attempts: Attempts[BlockPlace, ObservationName, AllRows],
     subject: BlockRows,
-    best: CleaningEnd[BlockPlace, ObservationName, AllRows],
+    state: BlockState,
+    rejected: Bools | None,
+    far: _Names,
     held: _Names,
-) -> _Names:
+) -> tuple[bool, _Names]:
     """Search also from control that agrees, until so little of it is out that nothing is doubted.
 
     Parameters
     ----------
     attempts, subject
         The search.
-    best
-        The end that is doubted.
+    state, rejected
+        Where the block lies without so much control that it is doubted, and (m, 2) which image
+        coordinates are out there; None: none.
+    far
+        The `mismatched` coordinates.
     held
         What stays out.
 
     Returns
     -------
+    bool
+        Whether a search has settled with no more control out than its place began without.
     frozenset
         Coordinates of control that stayed out in one of these searches.
     """
     problem, watch = subject.problem, attempts.cleaning.watch
-    rays = frozenset(name for name in best.out if name[0] == "image")
-    rejected = subject.problem_without(rays).rejected
-    places = agreed_places(
-        problem, best.solved.solution.state, rejected, attempts.cleaning.settings.alpha, watch
-    )
+    # a ray of wrong control may be far off for it
+    known = {problem.points[k] for k in np.flatnonzero(problem.controlled.all(axis=1)).tolist()}
+    held = held.union(name for name in far if name[2] not in known)
+    places = agreed_places(problem, state, rejected, attempts.cleaning.settings.alpha, watch)
     against, agreed = _Names(), False
     for place, out, score in places:
         # where a search has found nothing against the control of its place, less likely ones wait
@@ -556,4 +565,4 @@ def _begin_on_agreed(
         if watch.stopped or any(not contradicted(problem, end.out - held) for end in ended):
             break
         agreed |= any(end.settled and not control_out(problem, end.out - end.held) for end in ended)
-    return against
+    return agreed, against
