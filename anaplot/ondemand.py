@@ -1,9 +1,10 @@
 """Modules of others that SciPy takes with it, and nobody asks for: loaded when they are used.
 
-The first import of SciPy copies every name of NumPy, and with that loads its compiler of Fortran
-and its tests: a fifth of what NumPy and SciPy take together. Here each of these names stands for
-its module, and imports it when something in it is looked up. Only the name waits: the module itself
-is imported as every other one is, so threads, failures and children of a package are Python's own.
+The first import of SciPy copies every name of NumPy, and with that loads its compiler of Fortran,
+its tests and its polynomials: a quarter of what NumPy and SciPy take together. Here each of these
+names stands for its module, and imports it when something in it is looked up. Only the name waits:
+the module itself is imported as every other one is, so threads, failures and children of a package
+are Python's own.
 """
 
 from __future__ import annotations
@@ -20,7 +21,13 @@ if TYPE_CHECKING:
 
 __all__ = ["UNASKED", "load_on_demand"]
 
-UNASKED = frozenset({"numpy.ctypeslib", "numpy.f2py", "numpy.testing"})
+UNASKED = frozenset(
+    f"numpy.{name}"
+    for name in (
+        *("char", "core", "ctypeslib", "f2py"),
+        *("polynomial", "rec", "strings", "testing"),
+    )
+)
 """Full names of the modules."""
 
 

@@ -180,7 +180,7 @@ def _of_rays(
     x: list[Any] = [None] * len(order)
     y = at_x = at_y = x
     if external.looked:
-        pairs = external.rays if at is None else [external.rays[k] for k in at]
+        pairs = external.rays if at is None else external.rays_at(at)
         effects = [[pair[axis] for pair in pairs] for axis in range(2)]
         x, y = ([None if one is None else one.effect_m for one in each] for each in effects)
         at_x, at_y = ([None if one is None else one.point for one in each] for each in effects)

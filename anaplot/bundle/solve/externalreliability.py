@@ -7,7 +7,9 @@ them by at most delta0 sqrt((1 - r) / r) of its standard deviations (Baarda 1968
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -42,26 +44,112 @@ class LargestEffect(NamedTuple):
     effect_m: tuple[float, float, float]
 
 
-class ExternalReliability(NamedTuple):
-    """Largest effects; None where an error cannot be detected at any size, or nobody looked.
+Pair = tuple[LargestEffect | None, LargestEffect | None]
+"""Of x and y of a ray."""
+
+
+@dataclass(frozen=True, eq=False)
+class ExternalReliability:
+    """Largest effects; None where an error cannot be detected at any size, or nobody looks.
+
+    They are found when they are asked for, those of rays for the rays that are asked for: each
+    takes a look at all points.
 
     Attributes
     ----------
-    rays
-        Of x and y, in the order of `AdjustedBlock.ray_rows`.
-    control, point_priors, priors, conditions
-        In the order of `AdjustedBlock.control_rows`, `point_prior_rows`, `prior_rows` and
-        `condition_rows`.
+    block
+        The adjusted block.
     looked
-        Whether anybody looked; else every effect is None.
+        Whether anybody looks; else every effect is None.
     """
 
-    rays: list[tuple[LargestEffect | None, LargestEffect | None]]
-    control: list[LargestEffect | None]
-    point_priors: list[LargestEffect | None]
-    priors: list[LargestEffect | None]
-    conditions: list[LargestEffect | None]
+    block: AdjustedBlock = field(repr=False)
     looked: bool = True
+
+    @cached_property
+    def rays(self) -> list[Pair]:
+        """Of x and y, in the order of `AdjustedBlock.ray_rows`."""
+        return self.rays_at(range(len(self._order)))
+
+    def rays_at(self, at: Sequence[int]) -> list[Pair]:
+        """Return those of some rays, by their places in `rays`."""
+        if not self.looked:
+            return [(None, None)] * len(at)
+        problem, rays = self.block.problem, self._order[list(at)]
+        points = np.zeros(len(problem.points), dtype=np.bool_)
+        points[problem.point[rays]] = True
+        moves, _ = self._farthest.of_points(points, np.zeros((2, len(points), 3), dtype=np.bool_))
+        rows = (2 * rays[:, None] + np.arange(2)).ravel()
+        found = self._effects(rows, _Moves(moves.point[rays].ravel(),
+                                           moves.of_one_sigma[rays].reshape(-1, 3)))  # fmt: skip
+        return list(zip(found[::2], found[1::2], strict=True))
+
+    @cached_property
+    def control(self) -> list[LargestEffect | None]:
+        """In the order of `AdjustedBlock.control_rows`."""
+        return self._in_file_order(0)
+
+    @cached_property
+    def point_priors(self) -> list[LargestEffect | None]:
+        """In the order of `AdjustedBlock.point_prior_rows`."""
+        return self._in_file_order(1)
+
+    @cached_property
+    def priors(self) -> list[LargestEffect | None]:
+        """In the order of `AdjustedBlock.prior_rows`."""
+        _, second, _, fourth = self.block.observations.starts
+        return self._others[second:fourth]
+
+    @cached_property
+    def conditions(self) -> list[LargestEffect | None]:
+        """In the order of `AdjustedBlock.condition_rows`."""
+        return self._others[self.block.observations.starts[3] :]
+
+    def _in_file_order(self, kind: int) -> list[LargestEffect | None]:
+        rows = self.block.observations
+        return [self._others[rows.starts[0] + k] for k in rows.in_file_order(kind).tolist()]
+
+    @cached_property
+    def _order(self) -> Index:
+        """(m,) the rays of the bundle in the order of the file."""
+        return np.argsort(self.block.problem.source)
+
+    @cached_property
+    def _farthest(self) -> _Farthest:
+        return _Farthest(self.block)
+
+    @cached_property
+    def _others(self) -> list[LargestEffect | None]:
+        """Of every observation; of image coordinates None."""
+        problem, rows = self.block.problem, self.block.observations
+        if not self.looked:
+            return [None] * len(self.block.tested)
+        ground = np.isfinite(problem.ground_sigma)
+        observed: Bools = np.asarray(ground.any(axis=(0, 2)))
+        rays, known = self._farthest.of_points(observed, ground)
+        parts = (
+            rays,
+            known,
+            self._farthest.of_photos(),
+            self._farthest.of_parameters(),
+            self._farthest.of_conditions(),
+            self._farthest.of_offsets(),
+        )
+        point = rows.gather(*(each.point for each in parts))
+        moved = rows.gather(*(each.of_one_sigma for each in parts))
+        first = rows.starts[0]
+        others = np.arange(first, len(point))
+        return [None] * first + self._effects(others, _Moves(point[first:], moved[first:]))
+
+    def _effects(self, rows: Index, moves: _Moves) -> list[LargestEffect | None]:
+        """Return the effects of some observations, of what errors of one sigma in them move."""
+        sizes = self.block.tested.mdb[rows] / self.block.observations.sigma[rows]
+        moved = moves.of_one_sigma * sizes[:, None]
+        names = self.block.problem.points
+        return [
+            LargestEffect(names[k], (x, y, z)) if x == x else None
+            for k, (x, y, z) in zip(moves.point.tolist(), moved.tolist(), strict=True)
+        ]
 
 
 def external_reliability(block: AdjustedBlock, *, most: int = MOST_RAYS) -> ExternalReliability:
@@ -74,40 +162,7 @@ def external_reliability(block: AdjustedBlock, *, most: int = MOST_RAYS) -> Exte
     most
         Rays up to which the points that move farthest are looked for.
     """
-    problem, rows, tested = block.problem, block.observations, block.tested
-    found: list[LargestEffect | None] = [None] * len(tested)
-    of_rays: list[tuple[LargestEffect | None, LargestEffect | None]]
-    of_rays = [(None, None)] * len(problem.photo)
-    looked = len(problem.photo) <= most
-    if looked:
-        farthest = _Farthest(block)
-        rays, ground = farthest.of_points(np.isfinite(problem.ground_sigma))
-        parts = (
-            rays,
-            ground,
-            farthest.of_photos(),
-            farthest.of_parameters(),
-            farthest.of_conditions(),
-            farthest.of_offsets(),
-        )
-        point = rows.gather(*(each.point for each in parts))
-        moved = rows.gather(*(each.of_one_sigma for each in parts))
-        moved = moved * (tested.mdb / rows.sigma)[:, None]
-        found = [
-            LargestEffect(problem.points[k], (x, y, z)) if x == x else None
-            for k, (x, y, z) in zip(point.tolist(), moved.tolist(), strict=True)
-        ]
-        order = np.argsort(problem.source).tolist()
-        of_rays = [(found[2 * k], found[2 * k + 1]) for k in order]
-    first, second, _, fourth = rows.starts
-    return ExternalReliability(
-        of_rays,
-        [found[first + k] for k in rows.in_file_order(0).tolist()],
-        [found[first + k] for k in rows.in_file_order(1).tolist()],
-        found[second:fourth],
-        found[fourth:],
-        looked,
-    )
+    return ExternalReliability(block, len(block.problem.photo) <= most)
 
 
 class _Moves(NamedTuple):
@@ -245,13 +300,15 @@ class _Farthest:
         own = (problem.photo[rays][:, None] * d + np.arange(d)).ravel()
         return np.concatenate((own, n * d + np.arange(problem.in_border)))
 
-    def of_points(self, ground: Bools) -> tuple[_Moves, _Moves]:
+    def of_points(self, points: Bools, ground: Bools) -> tuple[_Moves, _Moves]:
         """Return what image coordinates (m, 2), control and priors of points (2, p, 3) move.
 
         Parameters
         ----------
+        points
+            (p,) of which points; nothing of others.
         ground
-            (2, p, 3) which coordinates are observed.
+            (2, p, 3) which of their coordinates are observed.
         """
         problem, normal = self._problem, self._cofactors.normal
         linear = normal.linear
@@ -261,6 +318,8 @@ class _Farthest:
         for group in problem.groups:
             k = group.rays
             for point, rays in _rays_of(group):
+                if not points[point]:
+                    continue
                 kinds, axes = np.nonzero(ground[:, point])
                 count = 2 * k + len(axes)
                 b = np.zeros((3, count))
