@@ -511,7 +511,7 @@ def _best_end(
     if best is not None and not agreed and contradicted(problem, best.out - held):
         rays = frozenset(name for name in best.out if name[0] == "image")
         at = (best.solved.solution.state, subject.problem_without(rays).rejected)
-        _, against = _begin_on_agreed(attempts, subject, *at, far, held)
+        against |= _begin_on_agreed(attempts, subject, *at, far, held)[1]
     # so many misfits, and residuals that contradict the a-priori sigma: it is wrong, not they
     many = 2 * len(kept_out) > cleaning.settings.room(problem.redundancy)
     if not attempts.ends and kept_out and not (attempts.doubted and many):

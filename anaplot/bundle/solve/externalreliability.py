@@ -44,8 +44,7 @@ class LargestEffect(NamedTuple):
     effect_m: tuple[float, float, float]
 
 
-Pair = tuple[LargestEffect | None, LargestEffect | None]
-"""Of x and y of a ray."""
+_Pair = tuple[LargestEffect | None, LargestEffect | None]  # of x and y of a ray
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,11 +66,11 @@ class ExternalReliability:
     looked: bool = True
 
     @cached_property
-    def rays(self) -> list[Pair]:
+    def rays(self) -> list[_Pair]:
         """Of x and y, in the order of `AdjustedBlock.ray_rows`."""
         return self.rays_at(range(len(self._order)))
 
-    def rays_at(self, at: Sequence[int]) -> list[Pair]:
+    def rays_at(self, at: Sequence[int]) -> list[_Pair]:
         """Return those of some rays, by their places in `rays`."""
         if not self.looked:
             return [(None, None)] * len(at)
