@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from anaplot.errors import InputError
-from anaplot.exchange.formats.registry import FORMATS
 from anaplot.report.arguments import length, positive
 from anaplot.report.commandparser import NewTarget
 
@@ -28,6 +27,8 @@ _NAMES = {
 
 def add_import_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `import`."""
+    from anaplot.exchange.formats.registry import FORMATS
+
     kinds = ", ".join(one.kind for one in FORMATS.values() if one.reads)
     parser.add_argument(
         "kind", metavar="KIND", help=f"{kinds}; may be left out where the source says what it is"
@@ -104,6 +105,8 @@ def add_import_arguments(parser: argparse.ArgumentParser) -> None:
 
 def add_export_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `export`."""
+    from anaplot.exchange.formats.registry import FORMATS
+
     kinds = ", ".join(one.kind for one in FORMATS.values() if one.writes)
     parser.add_argument("kind", metavar="KIND", help=kinds)
     parser.add_argument("block", type=Path, metavar="BLOCK", help="the block's folder")

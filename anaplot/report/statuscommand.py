@@ -42,7 +42,6 @@ from anaplot.report.output import Output
 from anaplot.report.progress import working
 from anaplot.session.filedaccidents import NO_ACCIDENTS
 from anaplot.station.blockstatus import BlockStatus, status_of
-from anaplot.station.blockview import BlockView
 from anaplot.station.journaled import Journaled, journaled
 from anaplot.textfiles.wording import plain
 
@@ -50,6 +49,7 @@ if TYPE_CHECKING:
     from anaplot.bundle.solve.adjusted import AdjustedBlock
     from anaplot.orientation.strip import BridgedStrip
     from anaplot.session.recomputed import Recomputed
+    from anaplot.station.blockview import BlockView
 
 __all__ = ["adjusted_status", "block_status", "run_status", "status_document"]
 
@@ -153,6 +153,7 @@ def adjusted_status(
     from anaplot.bundle.live import answer_of
     from anaplot.session.blockaccidents import block_accidents
     from anaplot.station.blockanswer import view_of
+    from anaplot.station.blockview import BlockView
 
     found = Journaled() if folder is None else journaled(folder, block)
     view = view_of(answer_of(adjusted), BlockView("", 0, False), None, most_weak=_MOST_WEAK)
@@ -172,6 +173,7 @@ def _view(block: Block, helped: bool) -> BlockView | None:
     from anaplot.bundle.live import LiveBlock
     from anaplot.bundle.start.approximate import SEARCHES
     from anaplot.station.blockanswer import view_of
+    from anaplot.station.blockview import BlockView
 
     empty = BlockView("", 0, False)
     patience = _Patience(SEARCHES, PATIENCE + PATIENCE_PER_PHOTO * len(block.photos))

@@ -10,7 +10,6 @@ from anaplot.photogrammetry.block import Block, Strip
 from anaplot.photogrammetry.imagepoints import names_of
 from anaplot.photogrammetry.selection import measured_in_files, rows_by_photo
 from anaplot.session.filedaccidents import NO_ACCIDENTS, BlockAccidents
-from anaplot.station.blockview import SURE, BlockView, FlaggedObservation, percent
 from anaplot.station.waystoopen import ways_to_open
 
 if TYPE_CHECKING:
@@ -20,6 +19,7 @@ if TYPE_CHECKING:
     from anaplot.session.recomputed import Recomputed
     from anaplot.session.state import SessionState
     from anaplot.session.workflow import Outlook
+    from anaplot.station.blockview import BlockView, FlaggedObservation
 
 __all__ = [
     "BlockStatus",
@@ -265,6 +265,8 @@ def _other(one: FlaggedObservation) -> WeakSpot:
 def _of_block(view: BlockView | None) -> Iterator[WeakSpot]:
     if view is None:
         return
+    from anaplot.station.blockview import percent
+
     others = list(view.others)
     for point in view.suspects:
         # wrong control bends the rays about it, and stands before them
@@ -404,9 +406,13 @@ def waiting(state: SessionState) -> tuple[str, str] | None:
 
 def suspected_models(view: BlockView | None) -> frozenset[str]:
     """Return the models that surely hold a wrong point."""
+    if view is None:
+        return frozenset()
+    from anaplot.station.blockview import SURE
+
     return frozenset(
         point.accused.model
-        for point in (() if view is None else view.suspects)
+        for point in view.suspects
         if point.accused.model is not None and point.accused.probability > SURE
     )
 
