@@ -23,10 +23,7 @@ __all__ = ["UNASKED", "load_on_demand"]
 
 UNASKED = frozenset(
     f"numpy.{name}"
-    for name in (
-        *("char", "core", "ctypeslib", "f2py"),
-        *("polynomial", "rec", "strings", "testing"),
-    )
+    for name in ["char", "core", "ctypeslib", "f2py", "polynomial", "rec", "strings", "testing"]
 )
 """Full names of the modules."""
 

@@ -91,6 +91,8 @@ def test_two_wrong_control_points_are_found(
     ("kind", "seed", "strategy"),
     [
         ("oblique", 1, "search"),
+        ("oblique", 1, "danish"),
+        ("oblique", 3, "danish"),
         # a third point out, and two coordinates less: 2 m off
         ("oblique", 5, "search"),
         ("oblique", 5, "baarda"),
@@ -107,7 +109,8 @@ def test_interchanged_control_points_are_found(kind: str, seed: int, strategy: s
     wrong = interchanged(scene, rng)
     cleaned = block_gross_errors(scene.block, strategy)
     assert {one.name[1] for one in cleaned.rejected if one.name[0] == "control"} == wrong
-    assert off_by(scene, cleaned) < 1.0
+    # from 1000 m a point is determined less well than from beside it
+    assert off_by(scene, cleaned) < (1.0 if kind == "block" else 0.5)
     assert cleaned.against
     assert cleaned.against <= {one.name for one in cleaned.rejected}
     text = page_text(errors_document(cleaned).page)

@@ -16,6 +16,7 @@ import numpy as np
 from anaplot.adjustment.significance import critical_normal
 from anaplot.aliases import Array, Bools, Index, Progress
 from anaplot.bundle.errors.blockrows import BlockPlace
+from anaplot.bundle.errors.wholecontrol import whole_control
 from anaplot.bundle.solve.datum import check_datum
 from anaplot.bundle.solve.gaussnewton import Minimum, find_minimum
 from anaplot.bundle.solve.imaging import BlockState
@@ -81,10 +82,9 @@ def control_out(problem: Problem, out: frozenset[ObservationName]) -> float:
 
     A control point is out with any of its coordinates, or with most of its rays.
     """
-    known = np.flatnonzero(problem.controlled.all(axis=1))
-    if len(known) < _FEWEST or problem.defect:
+    at = whole_control(problem)
+    if len(at) < _FEWEST or problem.defect:
         return 0.0
-    at = {problem.points[k]: k for k in known.tolist()}
     gone = np.zeros(len(problem.points), dtype=bool)
     coordinates = np.zeros(len(problem.points), dtype=np.intp)
     for name in out:
@@ -97,7 +97,7 @@ def control_out(problem: Problem, out: frozenset[ObservationName]) -> float:
             coordinates[point] += 1
     rays = np.bincount(problem.point, minlength=len(problem.points))
     gone |= coordinates > rays
-    return int(gone[known].sum()) / len(known)
+    return int(gone[list(at.values())].sum()) / len(at)
 
 
 def agreed_places(
@@ -131,17 +131,17 @@ def agreed_places(
         Of every set of control that may be right, that of the least score first. There is none
         where the photos make no free network, or control free of error would be wrong.
     """
-    known = np.flatnonzero(problem.controlled.all(axis=1))
+    control = whole_control(problem)
     if rejected is not None:
         # a ray of wrong control was rejected for it
-        rejected = rejected & ~np.isin(problem.point, known)[:, None]
+        rejected = rejected & ~np.isin(problem.point, list(control.values()))[:, None]
         rejected = rejected if problem.off is None else rejected | problem.off
     try:
         free, network = free_network(problem, start, progress)
     except (NotComputableError, np.linalg.LinAlgError):
         return []
     at = {point: k for k, point in enumerate(free.points)}
-    known = np.array([k for k in known.tolist() if problem.points[k] in at], dtype=np.intp)
+    known = np.array([k for point, k in control.items() if point in at], dtype=np.intp)
     if len(known) < _FEWEST:
         return []
     seen = network.points[[at[problem.points[k]] for k in known.tolist()]]
@@ -153,7 +153,10 @@ def agreed_places(
             continue
         agreed = problem.known.copy()
         agreed[others] = np.nan
-        laid = laid_onto_control(replace(problem, known=agreed), free, network)
+        try:
+            laid = laid_onto_control(replace(problem, known=agreed), free, network)
+        except (NotComputableError, np.linalg.LinAlgError):
+            continue
         if laid is None:
             continue
         # a point that its rays do not determine alone needs its control, however loosely

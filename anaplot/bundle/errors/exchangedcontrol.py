@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from anaplot.bundle.errors.wholecontrol import whole_control
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.observations import ObservationName
 from anaplot.bundle.solve.problem import Problem
@@ -24,7 +25,7 @@ class ExchangedControl(NamedTuple):
     Attributes
     ----------
     points
-        Their names, in the order of the block's control.
+        Their names, in the order of the bundle's points.
     coordinates
         Which of their coordinates are out.
     """
@@ -62,8 +63,7 @@ def exchanged_control(
             coordinates.setdefault(str(name[1]), set()).add(name)
     if len(coordinates) < 2:
         return ()
-    whole = np.flatnonzero(problem.controlled.all(axis=1)).tolist()
-    at = [k for k in whole if problem.points[k] in coordinates]
+    at = [k for point, k in whole_control(problem).items() if point in coordinates]
     known, found = problem.known[at], state.points[at] + state.origin
     apart = np.linalg.norm(known[:, None] - known, axis=2)
     off = np.linalg.norm(found[:, None] - known, axis=2)

@@ -64,6 +64,7 @@ from anaplot.bundle.errors.photosofrejected import (
     hardly_checked_photos,
     losses_of_photos,
 )
+from anaplot.bundle.errors.wholecontrol import whole_control
 from anaplot.bundle.imagesigma import doubt_of
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.gaussnewton import Minimum
@@ -497,8 +498,9 @@ def _best_end(
         far = mismatched(problem, reduced, state)
         if contradicted(problem, kept_out):
             # what is wrong is known nearly: all of it in would only lead away
-            at = (state, reduced.rejected)
-            agreed, against = _begin_on_agreed(attempts, subject, *at, far, held)
+            agreed, against = _begin_on_agreed(
+                attempts, subject, state, reduced.rejected, far, held
+            )
         if far and not agreed:
             attempts.begin(place, None, held | far)
         if second is not None and not attempts.ends:
@@ -510,8 +512,9 @@ def _best_end(
     best = best_of(attempts.ends) if attempts.ends else None
     if best is not None and not agreed and contradicted(problem, best.out - held):
         rays = frozenset(name for name in best.out if name[0] == "image")
-        at = (best.solved.solution.state, subject.problem_without(rays).rejected)
-        against |= _begin_on_agreed(attempts, subject, *at, far, held)[1]
+        state, rejected = best.solved.solution.state, subject.problem_without(rays).rejected
+        _, told = _begin_on_agreed(attempts, subject, state, rejected, far, held)
+        against |= told
     # so many misfits, and residuals that contradict the a-priori sigma: it is wrong, not they
     many = 2 * len(kept_out) > cleaning.settings.room(problem.redundancy)
     if not attempts.ends and kept_out and not (attempts.doubted and many):
@@ -550,8 +553,8 @@ def _begin_on_agreed(
     """
     problem, watch = subject.problem, attempts.cleaning.watch
     # a ray of wrong control may be far off for it
-    known = {problem.points[k] for k in np.flatnonzero(problem.controlled.all(axis=1)).tolist()}
-    held = held.union(name for name in far if name[2] not in known)
+    control = whole_control(problem)
+    held = held.union(name for name in far if name[2] not in control)
     places = agreed_places(problem, state, rejected, attempts.cleaning.settings.alpha, watch)
     against, agreed = _Names(), False
     for place, out, score in places:

@@ -37,7 +37,7 @@ from anaplot.bundle.start.approximate import approximate_ways
 from anaplot.bundle.start.bestminimum import Ahead, fits
 from anaplot.bundle.start.halfrays import met_planes
 from anaplot.bundle.start.pointknowledge import WIDE, equations_knowing
-from anaplot.bundle.start.robust import ADVICE, FarOff, RobustState, far_off
+from anaplot.bundle.start.robust import FarOff, RobustState, far_off
 from anaplot.errors import NotComputableError
 
 __all__ = [
@@ -174,8 +174,7 @@ def adjust_without_misfits(
     except np.linalg.LinAlgError:
         raise failure from None
     # a search that begins without them needs no advice to let it
-    reason = str(failure).removesuffix(f"; {ADVICE}")
-    return PartialAdjustment(block, missing(whole, reduced), reason, points)
+    return PartialAdjustment(block, missing(whole, reduced), failure.reason, points)
 
 
 def _on_agreed(

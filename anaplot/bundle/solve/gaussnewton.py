@@ -70,11 +70,20 @@ class NoConvergenceError(NotComputableError):
         What is said of it.
     state
         Where the iteration ended, or the place from which measurements were seen to disagree.
+    advice
+        What to do, said after it; "" for nothing.
+
+    Attributes
+    ----------
+    reason
+        The text without advice.
+    state
+        As above.
     """
 
-    def __init__(self, text: str, state: BlockState) -> None:
-        super().__init__(text)
-        self.state = state
+    def __init__(self, text: str, state: BlockState, advice: str = "") -> None:
+        super().__init__(f"{text}; {advice}" if advice else text)
+        self.reason, self.state = text, state
 
 
 class Convergence(NamedTuple):

@@ -114,12 +114,11 @@ def no_minimum_error(
     )
     if open_part is not None:
         said.append(f"there {str(open_part).removeprefix(f'block {problem.block.name}: ')}")
-    said.append(
-        ADVICE
-        if worst
-        else "look at these, or state where the photos are ([[photo]] position and rotation)"
-    )
-    return NoConvergenceError("; ".join(said), start)
+    if not worst:
+        said.append(
+            "look at these, or state where the photos are ([[photo]] position and rotation)"
+        )
+    return NoConvergenceError("; ".join(said), start, ADVICE if worst else "")
 
 
 def _fit(problem: Problem, linear: Linearised, where: str) -> str:
