@@ -134,8 +134,8 @@ class Relinearised(Protocol[S, K, R]):
         """Return how it is seen without some rows where these are cleaned apart; None: as one."""
         ...
 
-    def mistakes(self, out: frozenset[K], at: S) -> int:
-        """Return how many mistakes put rows out: those of one cause count once.
+    def price(self, out: frozenset[K], at: S, each: float) -> float:
+        """Return what rows that are out cost: of those of one cause, one row.
 
         Parameters
         ----------
@@ -143,6 +143,8 @@ class Relinearised(Protocol[S, K, R]):
             The rows.
         at
             The solution without them.
+        each
+            The price of a row by itself.
         """
         ...
 
@@ -176,7 +178,7 @@ class CleaningEnd(Generic[S, K, R]):
     refused
         What could not be left out.
     score
-        v'Pv plus c^2 for every mistake, a row that is out or several: less is better.
+        v'Pv plus the price of all rows that are out, c^2 for one by itself: less is better.
     held
         Rows that were out from the beginning and not looked at.
     settled
@@ -247,7 +249,8 @@ class Cleaning(Generic[S, K, R]):
         ScaleError
             The a-priori sigma cannot be right.
         NotComputableError
-            There is no solution without any of the sets that were proposed.
+            There is no solution without any of the sets that were proposed, or what is held cannot
+            be left out.
         """
         solved: dict[frozenset[K], SolvedWithout[S, K]] = {} if known is None else {held: known}
         proposals: dict[frozenset[K], _Proposal[S, K]] = {}
@@ -311,19 +314,27 @@ class Cleaning(Generic[S, K, R]):
         if barred:
             suspects &= np.array([name not in barred for name in system.names])
         modified = self.strategy == "modified"
-        return find_gross_errors(
-            system,
-            self.strategy,
-            replace(self.settings, pairs=False),  # those of the end are wanted alone
-            models=self.subject.model_values(system, place) if modified else None,
-            suspects=suspects,
-            left_out=_rows(system, held),
-            measured=self.subject.apriori.rows,
-            watch=self.watch,
-            weigh=False,
-            apart=self._apart(system, place, draft=draft),
-            near=None if near is None else _rows(system, near),
-        )
+        try:
+            return find_gross_errors(
+                system,
+                self.strategy,
+                replace(self.settings, pairs=False),  # those of the end are wanted alone
+                models=self.subject.model_values(system, place) if modified else None,
+                suspects=suspects,
+                left_out=_rows(system, held),
+                measured=self.subject.apriori.rows,
+                watch=self.watch,
+                weigh=False,
+                apart=self._apart(system, place, draft=draft),
+                near=None if near is None else _rows(system, near),
+            )
+        except NotSeparableError as error:
+            name = system.names[error.row]
+            said = " ".join(map(str, filter(None, name))) if isinstance(name, tuple) else str(name)
+            raise NotComputableError(
+                f"{self.subject.apriori.of}: {said} cannot be left out beside what is out already: "
+                "then nothing checks it"
+            ) from error
 
     def _apart(self, system: R, place: S, *, draft: bool = False) -> Apart | None:
         without = self.subject.apart(system, place)
@@ -395,8 +406,8 @@ class Cleaning(Generic[S, K, R]):
         )
 
     def _score(self, one: SolvedWithout[S, K], out: frozenset[K]) -> float:
-        mistakes = self.subject.mistakes(out.union(one.also), one.solution)
-        return one.vtpv + critical_normal(self.settings.alpha) ** 2 * mistakes
+        each = critical_normal(self.settings.alpha) ** 2
+        return one.vtpv + self.subject.price(out.union(one.also), one.solution, each)
 
 
 class Attempts(Generic[S, K, R]):
@@ -418,7 +429,7 @@ class Attempts(Generic[S, K, R]):
     def __init__(self, cleaning: Cleaning[S, K, R]) -> None:
         self.ends: list[CleaningEnd[S, K, R]] = []
         self.cleaning = cleaning
-        self._failures: list[NotComputableError | NotSeparableError] = []
+        self._failures: list[NotComputableError] = []
 
     @property
     def ended(self) -> bool:
@@ -441,7 +452,7 @@ class Attempts(Generic[S, K, R]):
             return
         try:
             self.ends.append(self.cleaning.run(start, known, held))
-        except (NotComputableError, NotSeparableError) as error:
+        except NotComputableError as error:
             self._failures.append(error)
 
     def best(self) -> CleaningEnd[S, K, R]:
@@ -449,7 +460,7 @@ class Attempts(Generic[S, K, R]):
 
         Raises
         ------
-        NotComputableError, NotSeparableError
+        NotComputableError
             There is none: why the first of them failed.
         """
         if not self.ends:

@@ -31,7 +31,17 @@ _ROOM = 8  # rows out that there is place for at first
 
 
 class NotSeparableError(ValueError):
-    """A row that cannot be left out: without the rows already out nothing checks it."""
+    """A row that cannot be left out: without the rows already out nothing checks it.
+
+    Attributes
+    ----------
+    row
+        Its number.
+    """
+
+    def __init__(self, row: int) -> None:
+        self.row = row
+        super().__init__(f"row {row} cannot be left out as well")
 
 
 class Returns(NamedTuple):
@@ -164,11 +174,11 @@ class Elimination:
             It is out already, or the rows that remain do not check it.
         """
         if row in self._rows or not self.testable(row):
-            raise NotSeparableError(f"row {row} cannot be left out as well")
+            raise NotSeparableError(row)
         column = self.column(row)
         own = float(column[row])
         if own < self._limit(row):
-            raise NotSeparableError(f"row {row} cannot be left out as well")
+            raise NotSeparableError(row)
         scaled = column / np.sqrt(own)
         along = float(self._e[row] / np.sqrt(own))
         k = len(self._rows)

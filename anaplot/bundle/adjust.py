@@ -24,7 +24,12 @@ from anaplot.bundle.solve.problem import Datum, Problem, make_problem
 from anaplot.bundle.solve.reliability import Cofactors, compute_cofactors
 from anaplot.bundle.solve.structure import make_structure
 from anaplot.bundle.start.bestminimum import Ahead, best_minimum, check_held, fits, soft
-from anaplot.bundle.start.freenetwork import mirror_remark, unsolved_error
+from anaplot.bundle.start.controlremark import (
+    control_bends,
+    control_remark,
+    look_up,
+    unsolved_error,
+)
 from anaplot.bundle.start.halfrays import (
     half_seen,
     settled_points,
@@ -346,18 +351,24 @@ def _warnings(
         out.append("no redundancy: nothing is checked")
     torn = sigma0 is not None and sigma0 > TORN
     start = RobustPlace(found.state) if robust is None else robust
-    mirrored = None
+    of_control = None
     # the free network takes about as long as the adjustment
     if torn or (len(problem.photo) <= _FEW_RAYS and not fits(problem, found)):
-        mirrored = mirror_remark(problem, start.state)
-    if torn and (doubt is None or mirrored is not None):
+        of_control = control_remark(problem, start.state)
+    if torn and (doubt is None or of_control is not None):
         worst = robust_suspects(problem, found.normal.structure, start)
         out.append(
             f"sigma0 is {sigma0:.0f} times what was expected: there are gross errors"
             + "".join(f"; {suspect.what} is off by {suspect.size}" for suspect in worst[:3])
         )
-    if mirrored is not None:
-        out.append(mirrored)
+    if of_control is not None:
+        out.append(of_control.text)
     elif doubt is not None:
-        out.append(str(doubt))
+        bent = control_bends(problem, start.state)
+        out.append(doubt.of_control if bent else str(doubt))
+    if not problem.defect and look_up(problem, found.state.rotations):
+        out.append(
+            "most photos look up at their points: does Z point down, are X and Y of control "
+            "exchanged, or control points interchanged?"
+        )
     return out

@@ -31,17 +31,31 @@ class SigmaDoubt(NamedTuple):
         """What the residuals suggest."""
         return self.factor * self.image_um
 
+    @property
+    def _off(self) -> str:
+        times = f"{self.factor:.0f}" if self.factor >= 100.0 else f"{self.factor:.2g}"
+        return (
+            f"nearly all residuals in the images are {times} times what image_um = "
+            f"{self.image_um:g} of [precision] in block.toml says"
+        )
+
+    @property
+    def of_control(self) -> str:
+        """The doubt as a sentence where the photos by themselves raise none."""
+        return (
+            f"{self._off}, but without control the photos agree with it: is a control point wrong, "
+            "or the camera?"
+        )
+
     def __str__(self) -> str:
         """Return the doubt as a sentence."""
-        times = f"{self.factor:.0f}" if self.factor >= 100.0 else f"{self.factor:.2g}"
         other = ""
         if self.factor > 1.0:
             # these are off everywhere as well, and no test of single observations tells them apart
             other = "; or is the camera, a lens or the inner orientation wrong?"
         return (
-            f"nearly all residuals in the images are {times} times what image_um = "
-            f"{self.image_um:g} of [precision] in block.toml says: is it in another unit than um, "
-            f"or wrong? They suggest {self.suggested_um:.2g} um{other}"
+            f"{self._off}: is it in another unit than um, or wrong? They suggest "
+            f"{self.suggested_um:.2g} um{other}"
         )
 
 

@@ -10,7 +10,6 @@ import numpy as np
 
 from anaplot.adjustment.cleaned import Cleaned
 from anaplot.adjustment.cleaning import Attempts, Cleaning, SolvedWithout
-from anaplot.adjustment.elimination import NotSeparableError
 from anaplot.adjustment.findings import Findings, SearchSettings
 from anaplot.adjustment.scale import AprioriSigma, ScaleError, check_scale
 from anaplot.adjustment.strategies import find_gross_errors, sigma_of
@@ -199,9 +198,9 @@ class _ModelRows:
     def apart(self, system: ModelResiduals, at: ModelSolution) -> None:
         """Return None: a model is cleaned as one."""
 
-    def mistakes(self, out: frozenset[RowKey], at: ModelSolution) -> int:
-        """Return how many rows are out."""
-        return len(out)
+    def price(self, out: frozenset[RowKey], at: ModelSolution, each: float) -> float:
+        """Return that of every row that is out."""
+        return each * len(out)
 
     def astray(self, error: NotComputableError) -> bool:
         """Whether the iteration has lost its way: one that has none tries the next set."""
@@ -257,7 +256,7 @@ def model_gross_errors(
     sigma0 = begun.solution.sigma0_um
     torn = sigma0 is not None and sigma0 > _TORN * precision.image_um
     if strategy != "search" and torn and not attempts.ended:
-        with suppress(NotComputableError, NotSeparableError):
+        with suppress(NotComputableError):
             clean = replace(cleaning, strategy="search").run(begun.solution, begun)
             attempts.begin(clean.solved.solution, None)
     if begun.also:

@@ -12,9 +12,10 @@ from anaplot.aliases import Array, Bools, Index
 from anaplot.photogrammetry.collinearity import turns
 
 __all__ = [
+    "ExchangedPair",
     "Similarity",
     "agreeing_sets",
-    "exchanged_pair",
+    "exchanged_pairs",
     "fit_similarity",
     "fit_to_partial",
     "line_of",
@@ -31,7 +32,8 @@ _CLOSE = 1e-10  # step after which a similarity is refined
 _SAMPLES = 200  # triples that are tried of more points
 _ALL_TRIPLES = 12  # points of which all triples are tried, where that is done rarely
 _ALL_PAIRS = 40  # points of which every two are exchanged
-_AS_ONE = 0.2  # of what two other points leave when they are exchanged
+_AS_ONE = 0.2  # of what is left as they are: what two that were exchanged leave
+_MOST_PAIRS = 3  # of them
 _AT_ONCE = 16384  # distances that stay at hand while they are used
 
 
@@ -147,32 +149,65 @@ def agreeing_sets(source: Array, target: Array, most: int) -> list[Bools]:
     return [inside for gap, inside in best[:most] if gap > 1.0]
 
 
-def exchanged_pair(source: Array, target: Array) -> tuple[int, int] | None:
-    """Return the two points with whose targets exchanged all points agree; None: no two tell so.
+class ExchangedPair(NamedTuple):
+    """Two points that may have been exchanged.
 
-    A similarity then leaves a fifth at most of what it leaves as the targets are, and with any two
-    others exchanged.
+    Attributes
+    ----------
+    first, second
+        Which.
+    left
+        What all points miss their targets by with these two exchanged, root of the mean square.
+    fitted
+        The similarity that leaves it.
+    """
+
+    first: int
+    second: int
+    left: float
+    fitted: Similarity
+
+
+def exchanged_pairs(source: Array, target: Array) -> tuple[list[ExchangedPair], float]:
+    """Find two points with whose targets exchanged a similarity leaves a fifth at most.
+
+    In what is symmetric there are several: of a level rectangle with two corners exchanged the
+    other two corners are a second pair, upside down.
 
     Parameters
     ----------
     source, target
-        (n, 3) points before and after; five at least, and at most as many as have few pairs.
+        (n, 3) points before and after; four at least, and at most as many as have few pairs.
+
+    Returns
+    -------
+    list of ExchangedPair
+        Three at most, that which leaves least first.
+    float
+        What a similarity leaves with the targets as they are.
     """
     n = len(source)
-    if not 5 <= n <= _ALL_PAIRS:
-        return None
+    if not 4 <= n <= _ALL_PAIRS:
+        return [], 0.0
     pairs = np.array(list(combinations(range(n), 2)))
     targets = np.repeat(target[None], len(pairs) + 1, axis=0)
     at = np.arange(len(pairs))[:, None]
     targets[at, pairs] = target[pairs[:, ::-1]]
     scale, rotation, shift = _closed_form(np.broadcast_to(source, targets.shape), targets)
     there = scale[:, None, None] * (source @ rotation.transpose(0, 2, 1)) + shift[:, None]
-    left = np.linalg.norm(there - targets, axis=(1, 2))
-    best, next_best = np.argsort(left)[:2].tolist()
-    if best == len(pairs) or not left[best] < _AS_ONE * left[next_best]:
-        return None
-    first, second = pairs[best].tolist()
-    return first, second
+    left = np.linalg.norm(there - targets, axis=(1, 2)) / sqrt(n)
+    as_they_are = float(left[-1])
+    found = [
+        ExchangedPair(
+            int(pairs[k, 0]),
+            int(pairs[k, 1]),
+            float(left[k]),
+            Similarity(float(scale[k]), rotation[k], shift[k]),
+        )
+        for k in np.argsort(left[:-1], kind="stable")[:_MOST_PAIRS].tolist()
+        if left[k] < _AS_ONE * as_they_are
+    ]
+    return found, as_they_are
 
 
 def _triples(source: Array, target: Array, *, all_up_to: int = 8) -> Index:

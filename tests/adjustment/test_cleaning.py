@@ -68,8 +68,8 @@ class Circle:
     def apart(self, system: ResidualSystem, at: np.ndarray) -> None:
         return None
 
-    def mistakes(self, out: frozenset[int], at: np.ndarray) -> int:
-        return len(out)
+    def price(self, out: frozenset[int], at: np.ndarray, each: float) -> float:
+        return each * len(out)
 
     def astray(self, error: NotComputableError) -> bool:
         return False
@@ -141,6 +141,12 @@ def test_rows_held_out_are_not_looked_at() -> None:
     end = cleaning(subject, "baarda").run(START, None, held)
     assert end.out == {3, 11}
     assert end.passes[-1].rows == (11,)
+
+
+def test_rows_held_out_that_nothing_checks_are_named() -> None:
+    # ended with "row 1 cannot be left out as well", and a traceback
+    with pytest.raises(NotComputableError, match="circle: 1 cannot be left out beside what is out"):
+        cleaning(Circle({}, n=4), "baarda").run(START, None, frozenset({0, 1}))
 
 
 def test_an_interrupt_leaves_the_best_so_far() -> None:

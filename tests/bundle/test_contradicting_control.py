@@ -20,7 +20,7 @@ from anaplot.bundle.errors.grosserrors import BlockFindings, block_gross_errors
 from anaplot.bundle.solve.problem import make_problem
 from anaplot.bundle.solve.structure import make_structure
 from anaplot.photogrammetry.rotation import rotation_matrix
-from anaplot.photogrammetry.similarity import agreeing_sets, exchanged_pair
+from anaplot.photogrammetry.similarity import agreeing_sets, exchanged_pairs, fit_similarity
 from anaplot.report.adjusterrors import errors_document
 from anaplot.report.astext import page_text
 
@@ -137,12 +137,12 @@ def test_interchanged_control_is_one_mistake() -> None:
         problem, make_structure(problem, state.centres), Watch(), control_only=False
     )
     at = BlockPlace(state)
-    assert subject.mistakes(out, at) == 1
+    assert subject.price(out, at, 10.0) == 10.0
     c = next(point.point for point in wrong.block.control if point.point not in (a, b))
-    assert subject.mistakes(out | coordinates(f"{c}.Z"), at) == 2
+    assert subject.price(out | coordinates(f"{c}.Z"), at, 10.0) == 20.0
     # one of them alone, or beside another, is not interchanged
     assert exchanged_control(problem, state, coordinates(f"{a}.X", f"{a}.Y", f"{c}.X")) == ()
-    assert subject.mistakes(coordinates(f"{a}.X", f"{c}.X"), at) == 2
+    assert subject.price(coordinates(f"{a}.X", f"{c}.X"), at, 10.0) == 20.0
     # where each lies where it is said to be, neither is
     assert exchanged_control(make_problem(right.block), state, out) == ()
 
@@ -190,7 +190,7 @@ def test_three_points_tell_of_none() -> None:
     assert agreeing_sets(points, 2.0 * points, 3) == []
 
 
-@given(st.integers(0, 10**6), st.integers(5, 12), st.floats(0.1, 100.0), st.booleans())
+@given(st.integers(0, 10**6), st.integers(4, 12), st.floats(0.1, 100.0), st.booleans())
 def test_two_exchanged_points_are_found_among_all(
     seed: int, count: int, scale: float, exchanged: bool
 ) -> None:
@@ -201,9 +201,15 @@ def test_two_exchanged_points_are_found_among_all(
     pair = tuple(sorted(rng.choice(count, 2, replace=False).tolist()))
     if exchanged:
         target[list(pair)] = target[list(pair[::-1])]
-    assert exchanged_pair(source, target) == (pair if exchanged else None)
+    found, as_they_are = exchanged_pairs(source, target)
+    assert [(one.first, one.second) for one in found[:1]] == ([pair] if exchanged else [])
+    fitted = found[0].fitted if exchanged else fit_similarity(source, target)
+    if exchanged:
+        target[list(pair)] = target[list(pair[::-1])]
+    left = np.sqrt(np.mean(np.sum((fitted.apply(source) - target) ** 2, axis=1)))
+    assert left == pytest.approx(found[0].left if exchanged else as_they_are, rel=1e-3)
 
 
-def test_four_points_do_not_tell_which_are_exchanged() -> None:
-    source = np.random.default_rng(0).normal(size=(4, 3))
-    assert exchanged_pair(source, source[[1, 0, 2, 3]]) is None
+def test_three_points_do_not_tell_which_are_exchanged() -> None:
+    source = np.random.default_rng(0).normal(size=(3, 3))
+    assert exchanged_pairs(source, source[[1, 0, 2]]) == ([], 0.0)

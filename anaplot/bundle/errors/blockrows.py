@@ -12,7 +12,7 @@ from anaplot.adjustment.scale import AprioriSigma
 from anaplot.adjustment.watch import Watch
 from anaplot.adjustment.withoutrows import WithoutRows
 from anaplot.aliases import Array, Bools
-from anaplot.bundle.errors.exchangedcontrol import exchanged_control
+from anaplot.bundle.errors.exchangedcontrol import price_of
 from anaplot.bundle.errors.laterresiduals import AllRows, LaterResiduals, left_open
 from anaplot.bundle.errors.leftout import without
 from anaplot.bundle.errors.parted import BlockParts, can_be_parted
@@ -205,10 +205,9 @@ class BlockRows:
         self._parts = BlockParts(system, at.state, self.structure, at.reduced, lambda: at.cofactors)
         return self._parts
 
-    def mistakes(self, out: frozenset[ObservationName], at: BlockPlace) -> int:
-        """Return how many mistakes are out: two control points that were interchanged are one."""
-        pairs = exchanged_control(self.problem, at.state, out)
-        return len(out) - sum(len(pair.coordinates) - 1 for pair in pairs)
+    def price(self, out: frozenset[ObservationName], at: BlockPlace, each: float) -> float:
+        """Return what they cost: two control points that were interchanged are one mistake."""
+        return price_of(self.problem, at.state, out, each, lambda: at.cofactors)
 
     def astray(self, error: NotComputableError) -> bool:
         """Whether there was no minimum to be found."""

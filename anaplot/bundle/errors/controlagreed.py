@@ -16,20 +16,29 @@ import numpy as np
 from anaplot.adjustment.significance import critical_normal
 from anaplot.aliases import Array, Bools, Index, Progress
 from anaplot.bundle.errors.blockrows import BlockPlace
+from anaplot.bundle.errors.exchangedcontrol import price_of
 from anaplot.bundle.errors.wholecontrol import whole_control
 from anaplot.bundle.solve.datum import check_datum
 from anaplot.bundle.solve.gaussnewton import Minimum, find_minimum
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.observations import ObservationName
 from anaplot.bundle.solve.problem import Problem
-from anaplot.bundle.solve.reliability import compute_cofactors
+from anaplot.bundle.solve.reliability import Cofactors, compute_cofactors
 from anaplot.bundle.solve.structure import make_structure
 from anaplot.bundle.start.approximate import laid_onto_control
+from anaplot.bundle.start.controlremark import control_remark
 from anaplot.bundle.start.freenetwork import free_network
 from anaplot.errors import NotComputableError
-from anaplot.photogrammetry.similarity import agreeing_sets, exchanged_pair
+from anaplot.photogrammetry.similarity import agreeing_sets, exchanged_pairs
 
-__all__ = ["AgreedPlace", "agreed_places", "contradicted", "control_out", "doubtful"]
+__all__ = [
+    "AgreedPlace",
+    "agreed_places",
+    "contradicted",
+    "control_out",
+    "doubtful",
+    "what_is_wrong",
+]
 
 _FEWEST = 4  # control points, of which one may be told by the others
 _SHARE = 1 / 3  # of the control points may be wrong without a doubt about the others
@@ -48,12 +57,17 @@ class AgreedPlace(NamedTuple):
     out
         The coordinates of other control that are wrong then.
     score
-        v'Pv there plus c^2 for every one of these.
+        v'Pv there plus what these cost, c^2 for one by itself.
     """
 
     place: BlockPlace
     out: frozenset[ObservationName]
     score: float
+
+    @property
+    def points(self) -> frozenset[str]:
+        """The control points of which coordinates are out."""
+        return frozenset(str(name[1]) for name in self.out)
 
 
 def contradicted(problem: Problem, out: frozenset[ObservationName]) -> bool:
@@ -100,6 +114,55 @@ def control_out(problem: Problem, out: frozenset[ObservationName]) -> float:
     return int(gone[list(at.values())].sum()) / len(at)
 
 
+def what_is_wrong(
+    problem: Problem, state: BlockState, out: frozenset[ObservationName] | None
+) -> str | None:
+    """Say what is wrong with control as a whole, where so much of it is out that it may be wrong.
+
+    Parameters
+    ----------
+    problem
+        The bundle, with all observations.
+    state
+        Where its free network begins.
+    out
+        The observations that a search has left out; None: before it, what no search gets over.
+
+    Raises
+    ------
+    NotComputableError
+        Two control points are exchanged, and no search may go on without them: the others do not
+        hold the block, or they are free of error.
+    """
+    points = whole_control(problem)
+    if out is None:
+        free_of_error = bool(problem.fixed[list(points.values())].any())
+        doubted = len(points) == _FEWEST or (len(points) > _FEWEST and free_of_error)
+    else:
+        doubted = doubtful(problem, out)
+    remark = control_remark(problem, state) if doubted else None
+    if remark is None:
+        return None
+    for pair in remark.exchanged:
+        at = [points[point] for point in pair if point in points]
+        if len(at) < len(pair):
+            continue
+        why = "control free of error is not searched for gross errors"
+        if not problem.fixed[at].any():
+            sigma = problem.known_sigma.copy()
+            sigma[at] = np.nan
+            try:
+                check_datum(replace(problem, known_sigma=sigma), state)
+            except NotComputableError:
+                why = "without them the others do not hold the block"
+            else:
+                continue
+        raise NotComputableError(
+            f"block {problem.block.name}: {remark.text}; {why}: correct control"
+        )
+    return remark.text
+
+
 def agreed_places(
     problem: Problem,
     start: BlockState,
@@ -137,7 +200,7 @@ def agreed_places(
         rejected = rejected & ~np.isin(problem.point, list(control.values()))[:, None]
         rejected = rejected if problem.off is None else rejected | problem.off
     try:
-        free, network = free_network(problem, start, progress)
+        free, network = free_network(problem, start, progress, anew=True)
     except (NotComputableError, np.linalg.LinAlgError):
         return []
     at = {point: k for k, point in enumerate(free.points)}
@@ -166,27 +229,32 @@ def agreed_places(
             reduced = replace(problem, known_sigma=sigma, rejected=rejected)
             try:
                 found = _adjusted(reduced, laid, progress)
-                wrong = _wrong(problem, found, others, alpha)
+                place = BlockPlace.of(found)
+                cofactors = compute_cofactors(found.normal, found.factor)
+                wrong = _wrong(problem, found.state, cofactors, others, alpha)
             except (NotComputableError, np.linalg.LinAlgError):
                 continue
-            exact = not np.isfinite(loose)
-            place = BlockPlace.of(found) if exact else BlockPlace(found.state)
-            score = found.convergence.last + critical_normal(alpha) ** 2 * len(wrong)
+            each = critical_normal(alpha) ** 2
+            price = price_of(problem, found.state, wrong, each, cofactors)
+            if np.isfinite(loose):
+                place = BlockPlace(found.state)
             place.let_go()  # as large as the block
-            places.append(AgreedPlace(place, wrong, score))
+            places.append(AgreedPlace(place, wrong, found.convergence.last + price))
             break
     return sorted(places, key=lambda one: one.score)
 
 
 def _agreeing(seen: Array, ground: Array) -> list[Bools]:
     """Return which control may be right: all but two that were exchanged, and what agrees."""
-    sets = agreeing_sets(seen, ground, _MOST)
-    pair = exchanged_pair(seen, ground)
-    if pair is not None:
+    sets = []
+    for pair in exchanged_pairs(seen, ground)[0]:
         others = np.ones(len(seen), dtype=bool)
-        others[list(pair)] = False
-        sets = [others, *(one for one in sets if not np.array_equal(one, others))]
-    return sets
+        others[[pair.first, pair.second]] = False
+        sets.append(others)
+    agreeing = agreeing_sets(seen, ground, _MOST)
+    return sets + [
+        one for one in agreeing if not any(np.array_equal(one, others) for others in sets)
+    ]
 
 
 def _adjusted(reduced: Problem, laid: BlockState, progress: Progress | None) -> Minimum:
@@ -197,15 +265,14 @@ def _adjusted(reduced: Problem, laid: BlockState, progress: Progress | None) -> 
 
 
 def _wrong(
-    problem: Problem, found: Minimum, others: Index, alpha: float
+    problem: Problem, state: BlockState, cofactors: Cofactors, others: Index, alpha: float
 ) -> frozenset[ObservationName]:
     """Return the coordinates of control that a block without it says are wrong.
 
     By the difference over its standard deviation, that of control and of the point together.
     """
-    cofactors = compute_cofactors(found.normal, found.factor)
     variance = np.einsum("nii->ni", cofactors.points)[others]
-    off: Array = found.state.points[others] + found.state.origin - problem.known[others]
+    off: Array = state.points[others] + state.origin - problem.known[others]
     sigma = np.sqrt(variance + problem.known_sigma[others] ** 2)
     wrong = np.abs(off) > critical_normal(alpha) * sigma
     return frozenset(

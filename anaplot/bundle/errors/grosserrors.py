@@ -8,9 +8,8 @@ the others. A single coordinate is rejected alone; the other coordinate of its r
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from math import sqrt
 from typing import NamedTuple, cast
 
 import numpy as np
@@ -25,26 +24,22 @@ from anaplot.adjustment.cleaning import (
 )
 from anaplot.adjustment.findings import SearchSettings
 from anaplot.adjustment.pairodds import MOST_ROWS_OF_PAIRS
-from anaplot.adjustment.partners import WEAK
 from anaplot.adjustment.scale import (
-    LARGEST,
-    LEAST_REDUNDANCY,
     ScaleError,
-    robust_scale,
-    scale_error,
 )
 from anaplot.adjustment.significance import critical_normal
 from anaplot.adjustment.strategies import STRATEGIES
 from anaplot.adjustment.watch import Watch
-from anaplot.aliases import Bools
 from anaplot.bundle.adjust import evaluate, points_settled
 from anaplot.bundle.errors.before import BlockBefore
 from anaplot.bundle.errors.blockrows import BlockPlace, BlockRows
+from anaplot.bundle.errors.blockscale import check_common_scale, check_scale_at
 from anaplot.bundle.errors.controlagreed import (
+    AgreedPlace,
     agreed_places,
     contradicted,
     control_out,
-    doubtful,
+    what_is_wrong,
 )
 from anaplot.bundle.errors.exchangedcontrol import ExchangedControl, exchanged_control
 from anaplot.bundle.errors.laterresiduals import AllRows
@@ -65,17 +60,15 @@ from anaplot.bundle.errors.photosofrejected import (
     losses_of_photos,
 )
 from anaplot.bundle.errors.wholecontrol import whole_control
-from anaplot.bundle.imagesigma import doubt_of
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.gaussnewton import Minimum
-from anaplot.bundle.solve.imaging import BlockState, RobustPlace
-from anaplot.bundle.solve.linearised import counted_misclosures
+from anaplot.bundle.solve.imaging import RobustPlace
 from anaplot.bundle.solve.observations import ObservationName
 from anaplot.bundle.solve.problem import Problem, make_problem
 from anaplot.bundle.solve.remade import among_points, without_points
 from anaplot.bundle.solve.selection import FAR_APART
 from anaplot.bundle.solve.structure import make_structure
-from anaplot.bundle.start.freenetwork import MIRRORED, mirror_remark
+from anaplot.bundle.start.controlremark import control_bends, control_remark, told_of_control
 from anaplot.bundle.start.robust import robust_state
 from anaplot.errors import InputError
 from anaplot.photogrammetry.block import Block
@@ -123,9 +116,9 @@ class BlockFindings(Cleaned[BlockPlace, ObservationName, AllRows]):
         (`agreed_places`).
     exchanged
         Control points that are interchanged, of those with coordinates out.
-    mirrored
-        That control is the mirror image of what the photos show, where a search among gross errors
-        has ended beside that; else None.
+    of_control
+        What is wrong with control as a whole, where a search among gross errors has ended beside
+        that; else None.
     """
 
     block: AdjustedBlock
@@ -136,7 +129,7 @@ class BlockFindings(Cleaned[BlockPlace, ObservationName, AllRows]):
     far: frozenset[ObservationName] = frozenset()
     against: frozenset[ObservationName] = frozenset()
     exchanged: tuple[ExchangedControl, ...] = ()
-    mirrored: str | None = None
+    of_control: str | None = None
 
     @property
     def kept_out(self) -> frozenset[ObservationName]:
@@ -217,8 +210,10 @@ class BlockFindings(Cleaned[BlockPlace, ObservationName, AllRows]):
         """Sentences: what limited the search, and photos or control that is wrong as a whole."""
         said = list(super().remarks)
         said += [pair.sentence for pair in self.exchanged]
-        if self.mirrored is not None and self.mirrored not in self.block.warnings:
-            said.append(self.mirrored)
+        if not (
+            self.of_control is None or self.exchanged or self.of_control in self.block.warnings
+        ):
+            said.append(self.of_control)
         for photos, are_more in (
             (self.photo_losses, "lose as many"),
             (self.hardly_checked, "are checked as little"),
@@ -341,17 +336,26 @@ def block_gross_errors(
         first=first.kept if whole else None,
     )
     cleaning = Cleaning(subject, strategy, used, watch, as_given)
-    told = [remark for remark in first.warnings if remark.startswith(MIRRORED)]
+    told = told_of_control(first.warnings)
+    if second is not None or begun.left_out:
+        told = what_is_wrong(every, first.state, None) or told
     try:
-        if cleaning.by_apriori and not control_only and not told:
-            _check_common_scale(subject, first, used.alpha)
-        end, far, against = _best_end(cleaning, subject, first, second, held, complete=complete)
+        if cleaning.by_apriori and not control_only and told is None:
+            check_common_scale(subject, first, used.alpha)
+        end, far, against, places = _best_end(
+            cleaning, subject, first, second, held, complete=complete
+        )
     except ScaleError as error:
         start = first.state if first.robust is None else first.robust.state
-        mirrored = mirror_remark(first.problem, start)
-        if mirrored is None:
+        remark = control_remark(first.problem, start)
+        if remark is not None:
+            raise ScaleError(f"{error.doubt}; but {remark.text}") from error
+        if not control_bends(first.problem, start):
             raise
-        raise ScaleError(f"{error.doubt}; but {mirrored}") from error
+        cleaning = replace(cleaning, as_given=True)
+        end, far, against, places = _best_end(
+            cleaning, subject, first, second, held, complete=complete
+        )
     found = end.solved.solution.found
     if found is None:
         cleaned = first.whole()
@@ -363,10 +367,19 @@ def block_gross_errors(
     others = sorted(end.out.difference(held, went), key=subject.rows.row_of)
     rejected = (*others, *went)
     misnamed = misnamed_rays(cleaned, rejected, watch)
+    exchanged = exchanged_control(every, end.solved.solution.state, end.out - held)
+    if exchanged:
+        remark = control_remark(every, end.solved.solution.state)
+        # of what was tried, what explains less
+        likely = end.score + critical_normal(used.alpha) ** 2
+        less = [place.points for place in places if place.score >= likely]
+        less += [frozenset(pair.points) for pair in exchanged]
+        also = () if remark is None else remark.exchanged
+        instead = tuple(pair for pair in also if frozenset(pair) not in less)
+        exchanged = tuple(pair._replace(otherwise=instead) for pair in exchanged)
     # what is left in may fit its mirror image, and does not tell it any more
-    if not told and doubtful(every, end.out - held):
-        remark = mirror_remark(every, end.solved.solution.state)
-        told = [] if remark is None else [remark]
+    if told is None and not exchanged:
+        told = what_is_wrong(every, end.solved.solution.state, end.out - held)
     return BlockFindings(
         end,
         rejected,
@@ -377,53 +390,13 @@ def block_gross_errors(
         misnamed,
         far & end.held,
         against & end.held,
-        exchanged_control(every, end.solved.solution.state, end.out - held),
-        next(iter(told), None),
+        exchanged,
+        told,
     )
 
 
 _Names = frozenset[ObservationName]
 _Solved = SolvedWithout[BlockPlace, ObservationName]
-
-
-def _check_common_scale(subject: BlockRows, first: BlockBefore, alpha: float) -> None:
-    """Complain, before anything is rejected, where nearly all residuals are off alike.
-
-    Raises
-    ------
-    ScaleError
-        They are.
-    """
-    v, r = first.v, first.r
-    doubt = doubt_of(v, r, subject.apriori.value)
-    if doubt is not None:
-        largest = float((np.abs(v[r > WEAK]) / np.sqrt(r[r > WEAK])).max())
-        raise scale_error(subject.apriori, doubt.factor, largest / critical_normal(alpha))
-
-
-def _check_scale_at(
-    subject: BlockRows, state: BlockState, first: BlockBefore, alpha: float
-) -> None:
-    """Complain where most residuals at a robust state are too large: no few errors make them so.
-
-    Raises
-    ------
-    ScaleError
-        They are; see `adjustment.scale`.
-    """
-    problem = subject.problem
-    out = problem.redundancy - first.redundancy
-    if out + float(first.r.sum()) < LEAST_REDUNDANCY:
-        return
-    e = np.abs(counted_misclosures(problem, state)[0])
-    e = e.ravel() if problem.off is None else e[~problem.off]
-    # about what a row of the block keeps of its error; other rows say nothing of image coordinates
-    root = sqrt(problem.redundancy / problem.observations)
-    scale = robust_scale(e / root, np.ones(len(e)))
-    if scale is not None and scale > LARGEST:
-        r = first.r
-        w = np.abs(first.v[r > WEAK]) / np.sqrt(r[r > WEAK])
-        raise scale_error(subject.apriori, scale, float(w.max()) / critical_normal(alpha))
 
 
 class _Second(NamedTuple):
@@ -471,15 +444,16 @@ def _best_end(
     held: _Names,
     *,
     complete: bool,
-) -> tuple[CleaningEnd[BlockPlace, ObservationName, AllRows], _Names, _Names]:
+) -> tuple[CleaningEnd[BlockPlace, ObservationName, AllRows], _Names, _Names, list[AgreedPlace]]:
     """Search from the first adjustment, and from a robust one where there is a second place.
 
     Where so much control is out that the rest may be wrong, also from control that agrees. Where no
     set that is found can be left out, what fits nowhere stays out for good. `held` is what stays
     out; `complete`: the first adjustment lacks nothing else. Returned with the end: the
-    `mismatched` coordinates, and those of control that others told against.
+    `mismatched` coordinates, those of control that others told against, and the places on control
+    that agrees.
     """
-    problem = subject.problem
+    problem, alpha = subject.problem, cleaning.settings.alpha
     attempts = Attempts(cleaning)
     reduced, state = first.problem, first.state
     if problem.points != reduced.points:
@@ -491,16 +465,16 @@ def _best_end(
         state = place.state
     kept_out = frozenset(missing(problem, reduced)) - held
     far, against, agreed = _Names(), _Names(), False
+    places: list[AgreedPlace] = []
     with suppress(np.linalg.LinAlgError):
         if second is not None and cleaning.by_apriori:
-            _check_scale_at(subject, state, first, cleaning.settings.alpha)
+            check_scale_at(subject, state, first, alpha)
         # what was taken for another point's would only hide what is wrong with the others
         far = mismatched(problem, reduced, state)
         if contradicted(problem, kept_out):
             # what is wrong is known nearly: all of it in would only lead away
-            agreed, against = _begin_on_agreed(
-                attempts, subject, state, reduced.rejected, far, held
-            )
+            places = agreed_places(problem, state, reduced.rejected, alpha, cleaning.watch)
+            agreed, against = _begin_on_agreed(attempts, problem, places, far, held)
         if far and not agreed:
             attempts.begin(place, None, held | far)
         if second is not None and not attempts.ends:
@@ -513,20 +487,19 @@ def _best_end(
     if best is not None and not agreed and contradicted(problem, best.out - held):
         rays = frozenset(name for name in best.out if name[0] == "image")
         state, rejected = best.solved.solution.state, subject.problem_without(rays).rejected
-        _, told = _begin_on_agreed(attempts, subject, state, rejected, far, held)
-        against |= told
+        places = agreed_places(problem, state, rejected, alpha, cleaning.watch)
+        against |= _begin_on_agreed(attempts, problem, places, far, held)[1]
     # so many misfits, and residuals that contradict the a-priori sigma: it is wrong, not they
     many = 2 * len(kept_out) > cleaning.settings.room(problem.redundancy)
     if not attempts.ends and kept_out and not (attempts.doubted and many):
         attempts.begin(place, None, held | kept_out)
-    return attempts.best(), far, against
+    return attempts.best(), far, against, places
 
 
 def _begin_on_agreed(
     attempts: Attempts[BlockPlace, ObservationName, AllRows],
-    subject: BlockRows,
-    state: BlockState,
-    rejected: Bools | None,
+    problem: Problem,
+    places: list[AgreedPlace],
     far: _Names,
     held: _Names,
 ) -> tuple[bool, _Names]:
@@ -534,11 +507,10 @@ def _begin_on_agreed(
 
     Parameters
     ----------
-    attempts, subject
-        The search.
-    state, rejected
-        Where the block lies without so much control that it is doubted, and (m, 2) which image
-        coordinates are out there; None: none.
+    attempts, problem
+        The search, and the bundle with all observations.
+    places
+        On control that agrees, the likeliest first.
     far
         The `mismatched` coordinates.
     held
@@ -551,11 +523,10 @@ def _begin_on_agreed(
     frozenset
         Coordinates of control that stayed out in one of these searches.
     """
-    problem, watch = subject.problem, attempts.cleaning.watch
+    watch = attempts.cleaning.watch
     # a ray of wrong control may be far off for it
     control = whole_control(problem)
     held = held.union(name for name in far if name[2] not in control)
-    places = agreed_places(problem, state, rejected, attempts.cleaning.settings.alpha, watch)
     against, agreed = _Names(), False
     for place, out, score in places:
         # where a search has found nothing against the control of its place, less likely ones wait

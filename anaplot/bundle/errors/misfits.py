@@ -7,7 +7,6 @@ block can be linearised: here it is adjusted without all that is far off from a 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -33,7 +32,6 @@ from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.remade import among_points, without_points
 from anaplot.bundle.solve.selection import FAR_APART
 from anaplot.bundle.solve.structure import Structure, make_structure
-from anaplot.bundle.start.approximate import approximate_ways
 from anaplot.bundle.start.bestminimum import Ahead, fits
 from anaplot.bundle.start.halfrays import met_planes
 from anaplot.bundle.start.pointknowledge import WIDE, equations_knowing
@@ -181,26 +179,11 @@ def _on_agreed(
     problem: Problem, start: BlockState, progress: Progress | None
 ) -> tuple[Problem, Minimum] | None:
     """Return the bundle on the control that agrees with the photos, and its minimum; None: none."""
-    for state in _untorn(problem, start, progress):
-        places = agreed_places(problem, state, problem.rejected, problem.test.alpha, progress)
-        for place, *_ in places:
-            if place.found is not None:
-                return place.found.normal.problem, place.found
+    places = agreed_places(problem, start, problem.rejected, problem.test.alpha, progress)
+    for place, *_ in places:
+        if place.found is not None:
+            return place.found.normal.problem, place.found
     return None
-
-
-def _untorn(
-    problem: Problem, reached: BlockState, progress: Progress | None
-) -> Iterator[BlockState]:
-    """Yield where a search has ended, and approximate values: control may have torn the photos."""
-    yield reached
-    for way in approximate_ways(problem):
-        try:
-            state = way.find(progress)
-        except (NotComputableError, np.linalg.LinAlgError):
-            continue
-        if state is not None:
-            yield state
 
 
 def points_gone(problem: Problem, reduced: Problem) -> tuple[str, ...]:

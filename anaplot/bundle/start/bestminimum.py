@@ -25,7 +25,8 @@ from anaplot.bundle.start.approximate import (
     doubtful,
 )
 from anaplot.bundle.start.bysomepoints import oriented_by_some
-from anaplot.bundle.start.freenetwork import from_free_network, unsolved_error
+from anaplot.bundle.start.controlremark import unsolved_error
+from anaplot.bundle.start.freenetwork import from_free_network
 from anaplot.bundle.start.pull import foreseen_torn, minimum_nearby, torn
 from anaplot.bundle.start.regrown import regrown
 from anaplot.bundle.start.robust import (

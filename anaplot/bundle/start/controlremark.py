@@ -1,0 +1,191 @@
+"""What is wrong with control as a whole: the mirror image of what the photos show, or exchanged.
+
+The free network of the photos, in which control has no influence, tells.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+
+from anaplot.aliases import Array
+from anaplot.bundle.solve.gaussnewton import NoConvergenceError
+from anaplot.bundle.solve.imaging import BlockState
+from anaplot.bundle.solve.linearised import objective
+from anaplot.bundle.solve.problem import Problem
+from anaplot.bundle.solve.structure import Structure
+from anaplot.bundle.start.freenetwork import free_network
+from anaplot.bundle.start.robust import no_minimum_error
+from anaplot.errors import NotComputableError
+from anaplot.photogrammetry.similarity import exchanged_pairs, robust_similarity
+
+__all__ = [
+    "ControlRemark",
+    "control_bends",
+    "control_remark",
+    "look_up",
+    "told_of_control",
+    "unsolved_error",
+]
+
+_MIRRORED = "control is the mirror image of what the photos show"
+_INTERCHANGED = " interchanged? With their coordinates exchanged all "
+
+_FEWEST = 4  # control points of which a mirror image may be told from the block itself
+_CLEARLY = 20.0  # times better than the block has its mirror image to fit, or two exchanged
+_ALONE = 5.0  # times better than with another two exchanged, which else may be it as well
+_MOST = 0.75  # of the control points, and fit these
+_STEEP = 0.7  # cosine between upward and where a photo looks
+_IN_SCALE = 2.5  # sigma0 without control, or one over it: the photos agree with their sigma
+_SMALL = 10_000  # rays of a block of which a wrong control point bends nearly all
+
+
+class ControlRemark(NamedTuple):
+    """What is wrong with control as a whole.
+
+    Attributes
+    ----------
+    text
+        A sentence.
+    exchanged
+        Two control points that are exchanged, or several such pairs of which one is; none: control
+        is the mirror image.
+    """
+
+    text: str
+    exchanged: tuple[tuple[str, str], ...] = ()
+
+
+def look_up(problem: Problem, rotations: Array) -> bool:
+    """Return whether most photos look up steeply, and nothing that is stated says that they do.
+
+    A level rectangle of control with two corners exchanged fits a block upside down as well.
+
+    Parameters
+    ----------
+    problem
+        The bundle.
+    rotations
+        (photos, 3, 3) of its photos, image to ground.
+    """
+    if not float(np.median(-rotations[:, 2, 2])) > _STEEP:
+        return False
+    stated = problem.stated_rotations[:, 2, 2]
+    stated = stated[np.isfinite(stated)]
+    return not (len(stated) and float(np.median(-stated)) > _STEEP)
+
+
+def control_remark(problem: Problem, start: BlockState) -> ControlRemark | None:
+    """Say what is wrong with control as a whole; None where nothing is.
+
+    That it is the mirror image of what the photos show: no rotation makes one of the other, and
+    adjusted together they tear the block anywhere. Control in one plane fits both. Or that two
+    control points are exchanged: one mistake, but of four control points two others are left, and
+    these hold no block.
+
+    Parameters
+    ----------
+    problem, start
+        The bundle, and where the free network begins.
+    """
+    known = [
+        (row.point, row.xyz)
+        for row in problem.block.control
+        if row.use == "control" and None not in row.xyz
+    ]
+    if problem.defect or len(known) < _FEWEST:
+        return None
+    try:
+        free, bare = free_network(problem, start, anew=True)
+    except (NotComputableError, np.linalg.LinAlgError):
+        return None
+    at = {point: k for k, point in enumerate(free.points)}
+    known = [row for row in known if row[0] in at]
+    if len(known) < _FEWEST:
+        return None
+    ground = np.array([xyz for _, xyz in known], dtype=float)
+    ground -= ground.mean(axis=0)
+    network = bare.points[[at[point] for point, _ in known]]
+    by_itself, by_mirror = (_misfit(side * network, ground) for side in (1.0, -1.0))
+    if by_mirror * _CLEARLY < by_itself:
+        return ControlRemark(
+            f"{_MIRRORED}: mirrored it fits to {by_mirror:.2g} m, else to {by_itself:.2g} m; does y"
+            " of the images point down, are x and y, or X and Y, exchanged, or does Z point down?"
+        )
+    return _exchanged(free, bare, network, ground, [point for point, _ in known])
+
+
+def told_of_control(warnings: Iterable[str]) -> str | None:
+    """Return what `control_remark` has said, of the warnings about a block; None: nothing."""
+    told = (one for one in warnings if one.startswith(_MIRRORED) or _INTERCHANGED in one)
+    return next(told, None)
+
+
+def control_bends(problem: Problem, start: BlockState) -> bool:
+    """Return whether only control makes residuals in the images too large, all of them alike.
+
+    A height at one of four or five corners bends a whole block; its photos alone agree.
+
+    Parameters
+    ----------
+    problem, start
+        The bundle, and where the free network begins.
+    """
+    if problem.defect or len(problem.photo) > _SMALL:
+        return False
+    try:
+        free, bare = free_network(problem, start, anew=True)
+    except (NotComputableError, np.linalg.LinAlgError):
+        return False
+    vtpv, usual = objective(free, bare)[0], float(free.redundancy)
+    return usual / _IN_SCALE**2 <= vtpv <= usual * _IN_SCALE**2
+
+
+def _exchanged(
+    free: Problem, bare: BlockState, network: Array, ground: Array, points: list[str]
+) -> ControlRemark | None:
+    """Say which two of some control points are exchanged, if with these alone all agree."""
+    pairs, as_they_are = exchanged_pairs(network, ground)
+    if not pairs:
+        return None
+    # of a pair and its likeness upside down, only what differs clearly speaks for the latter
+    left = [
+        pair.left * (_CLEARLY if look_up(free, pair.fitted.rotation @ bare.rotations) else 1.0)
+        for pair in pairs
+    ]
+    best = min(left)
+    if not best * _CLEARLY < as_they_are:
+        return None
+    likely = [pair for pair, one in zip(pairs, left, strict=True) if not best * _ALONE < one]
+    exchanged = tuple((points[pair.first], points[pair.second]) for pair in likely)
+    names = ", or ".join(f"control point {a} and control point {b}" for a, b in exchanged)
+    if len(exchanged) > 1:
+        names += ","
+    return ControlRemark(
+        f"{names}{_INTERCHANGED}{len(points)} agree with the photos to "
+        f"{likely[0].left:.2g} m, else to {as_they_are:.2g} m",
+        exchanged,
+    )
+
+
+def unsolved_error(
+    problem: Problem, structure: Structure, start: BlockState, state: BlockState | None = None
+) -> NotComputableError:
+    """Return `no_minimum_error`, or where control is wrong as a whole, the error that says so."""
+    remark = control_remark(problem, start)
+    if remark is None:
+        return no_minimum_error(problem, structure, start, state)
+    return NoConvergenceError(
+        f"block {problem.block.name}: no solution found: {remark.text}", start
+    )
+
+
+def _misfit(network: Array, ground: Array) -> float:
+    """Return what most points miss by [m] after a similarity; infinite where there is none."""
+    found = robust_similarity(network, ground)
+    if found is None:
+        return float("inf")
+    off = np.linalg.norm(found[0].apply(network) - ground, axis=1)
+    return float(np.quantile(off, _MOST, method="higher"))
