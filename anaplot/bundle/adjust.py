@@ -27,7 +27,6 @@ from anaplot.bundle.start.bestminimum import Ahead, best_minimum, check_held, fi
 from anaplot.bundle.start.controlremark import (
     control_bends,
     control_remark,
-    look_up,
     unsolved_error,
 )
 from anaplot.bundle.start.halfrays import (
@@ -366,9 +365,4 @@ def _warnings(
     elif doubt is not None:
         bent = control_bends(problem, start.state)
         out.append(doubt.of_control if bent else str(doubt))
-    if not problem.defect and look_up(problem, found.state.rotations):
-        out.append(
-            "most photos look up at their points: does Z point down, are X and Y of control "
-            "exchanged, or control points interchanged?"
-        )
     return out

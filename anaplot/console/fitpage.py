@@ -74,6 +74,8 @@ def fit_lines(
             lines += [Content("No control point is measured in this strip yet.")]
     else:
         lines += _figures(found, one, width)
+        for remark in found.remarks:
+            lines += [Content.styled(s, "$text-warning") for s in wrap(remark, width)]
     rows = shown_points(one, choice)
     if rows:
         lines += [Content(""), _head(width)]

@@ -14,15 +14,18 @@ from typing import Literal
 
 import numpy as np
 
-from anaplot.adjustment.leastsquares import RankDefectError, adjust
+from anaplot.adjustment.leastsquares import Adjustment, adjust
 from anaplot.adjustment.tested import Tested, examine
-from anaplot.aliases import Array
+from anaplot.aliases import Array, Bools
 from anaplot.errors import NotComputableError
 from anaplot.orientation.results import ModelSolution
 from anaplot.photogrammetry.block import Block, ControlPoint
 from anaplot.photogrammetry.collinearity import turns
+from anaplot.photogrammetry.exchangedpoints import likely_exchange
 from anaplot.photogrammetry.similarity import (
     Similarity,
+    agreeing_sets,
+    fit_similarity,
     fit_to_partial,
     moved_similarity,
     robust_similarity,
@@ -34,7 +37,8 @@ __all__ = ["Degree", "FittedPoint", "StripFit", "fit_models", "fit_strip", "meas
 Degree = Literal[1, 2, 3]
 _AXES = ("X", "Y", "Z")
 _SEVEN = ("X0", "Y0", "Z0", "omega", "phi", "kappa", "scale")
-_STEPS = 30
+_STEPS = 60
+_HALVED = 12  # times at most, a step that leads uphill
 _SMALL = 1e-6  # of a standard deviation
 
 
@@ -82,6 +86,8 @@ class StripFit:
         Coefficients [m] by name, for u and v scaled to half the strip's length.
     tested
         The control coordinates that took part [m]: residuals are transformed minus given.
+    remarks
+        Sentences: control points that are interchanged.
     points
         Control and check points of the strip.
     ground
@@ -93,6 +99,7 @@ class StripFit:
     similarity: Similarity
     polynomials: Mapping[str, float]
     tested: Tested[tuple[str, str]]
+    remarks: tuple[str, ...]
     points: tuple[FittedPoint, ...]
     ground: tuple[tuple[str, float, float, float], ...]
 
@@ -177,36 +184,25 @@ def fit_strip(
             f"strip {strip}: {count} control coordinates are measured, degree {degree} needs "
             f"{len(names)}"
         )
-    start = _start(strip, source[used], target[used])
+    starts = _starts(strip, source[used], target[used])
     everything = np.array(list(points.values()))
-    shape = _Shape(start, everything, degree)
-    sigma = _sigmas(block, control, base, start.scale)[known]
     row_names = [(c.point, axis) for c in control for axis in _AXES]
     keys = [row_names[k] for k in np.flatnonzero(known.ravel()).tolist()]
-    now, free = start, np.zeros(len(names) - len(_SEVEN))
-    for _ in range(_STEPS):
-        computed = now.apply(source) + shape.bend(now.apply(source)) @ free
-        design = np.concatenate(
-            [similarity_effects(now.apply(source) - shape.middle), shape.bend(now.apply(source))],
-            axis=2,
-        )[known]
+    whole = known.all(axis=1)
+    named = [control[k].point for k in np.flatnonzero(whole).tolist()]
+    exchanged = _exchanged(named, source[whole], target[whole])
+    failure: NotComputableError | None = None
+    for start in starts:
+        shape = _Shape(start, everything, degree)
+        sigma = _sigmas(block, control, base, start.scale)[known]
         try:
-            adjusted = adjust(
-                design / sigma[:, None],
-                (computed - target)[known] / sigma,
-                np.ones(count),
-                unknowns=names,
-            )
-        except RankDefectError as error:
-            raise NotComputableError(f"strip {strip}: {error}") from error
-        now, free = (
-            moved_similarity(now, shape.middle, adjusted.x),
-            free + adjusted.x[len(_SEVEN) :],
-        )
-        if float(np.abs(adjusted.x / np.sqrt(np.diag(adjusted.q_xx))).max()) < _SMALL:
+            now, free, adjusted = _iterated(start, shape, source, target, known, sigma, names)
             break
+        except NotComputableError as error:
+            failure = failure or error
     else:
-        raise NotComputableError(f"strip {strip}: the fit to the control does not converge")
+        why = exchanged or f"{failure}{_disagreeing(named, source[whole], target[whole])}"
+        raise NotComputableError(f"strip {strip}: {why}") from failure
     transformed = now.apply(source) + shape.bend(now.apply(source)) @ free
     residual = (transformed - target)[known]
     tested = examine(
@@ -227,8 +223,70 @@ def fit_strip(
         similarity=now,
         polynomials=dict(zip(names[len(_SEVEN) :], free.tolist(), strict=True)),
         tested=tested,
+        remarks=() if exchanged is None else (exchanged,),
         points=_points(control, used.tolist(), transformed - target, tested),
         ground=tuple((name, *at) for name, at in zip(points, ground.tolist(), strict=True)),
+    )
+
+
+def _iterated(
+    start: Similarity,
+    shape: _Shape,
+    source: Array,
+    target: Array,
+    known: Bools,
+    sigma: Array,
+    names: tuple[str, ...],
+) -> tuple[Similarity, Array, Adjustment]:
+    """Return the similarity, the coefficients of the polynomials, and their last adjustment.
+
+    A step that would increase the sum of squares is halved until it does not.
+    """
+
+    def misclosures(at: Similarity, free: Array) -> Array:
+        ground = at.apply(source)
+        return np.asarray((ground + shape.bend(ground) @ free - target)[known] / sigma)
+
+    now, free = start, np.zeros(len(names) - len(_SEVEN))
+    off = misclosures(now, free)
+    for _ in range(_STEPS):
+        ground = now.apply(source)
+        design = np.concatenate(
+            [similarity_effects(ground - shape.middle), shape.bend(ground)], axis=2
+        )[known]
+        adjusted = adjust(design / sigma[:, None], off, np.ones(len(sigma)), unknowns=names)
+        step, square = adjusted.x, float(off @ off)
+        deviations = np.sqrt(np.diag(adjusted.q_xx)) * max(1.0, adjusted.sigma0 or 0.0)
+        if float(np.abs(step / deviations).max()) < _SMALL:
+            moved = moved_similarity(now, shape.middle, step)
+            return moved, free + step[len(_SEVEN) :], adjusted
+        for _ in range(_HALVED):
+            moved, bent = moved_similarity(now, shape.middle, step), free + step[len(_SEVEN) :]
+            off = misclosures(moved, bent)
+            if float(off @ off) <= square:
+                break
+            step = 0.5 * step
+        now, free = moved, bent
+    raise NotComputableError("the fit to the control does not converge")
+
+
+def _exchanged(names: Sequence[str], source: Array, target: Array) -> str | None:
+    """Say which two control points are interchanged, of those of which all is known."""
+    found = likely_exchange(
+        names, source, target, "the strip", lambda fitted: fitted.rotation[2, 2] < 0.0
+    )
+    return None if found is None else found.text
+
+
+def _disagreeing(names: Sequence[str], source: Array, target: Array) -> str:
+    """Say which control points do not lie to the others as the strip has them; "": nobody knows."""
+    (inside, *_) = agreeing_sets(source, target, 1) or [np.ones(len(names), dtype=bool)]
+    others = [names[k] for k in np.flatnonzero(~inside).tolist()]
+    if not others:
+        return ""
+    return (
+        f"; without {', '.join(others)} the other {len(names) - len(others)} control points agree "
+        "best"
     )
 
 
@@ -263,12 +321,16 @@ class _Shape:
         return out
 
 
-def _start(strip: str, source: Array, target: Array) -> Similarity:
-    """Return a similarity to begin with: from whole points, or from plan and heights apart."""
+def _starts(strip: str, source: Array, target: Array) -> list[Similarity]:
+    """Return similarities to begin with: from whole points, or from plan and heights apart.
+
+    Of whole points first that on which most of them agree, then that of all: where the others are
+    far off, no step leads from the one to the other.
+    """
     whole = np.isfinite(target).all(axis=1)
     robust = robust_similarity(source[whole], target[whole])
     if robust is not None:
-        return robust[0]
+        return [robust[0], fit_similarity(source[whole], target[whole])]
     plan = np.isfinite(target[:, :2]).all(axis=1)
     heights = np.isfinite(target[:, 2])
     one, other = (values[plan, :2] @ np.array([1.0, 1j]) for values in (source, target))
@@ -282,7 +344,7 @@ def _start(strip: str, source: Array, target: Array) -> Similarity:
         level = Similarity(scale, rotation, np.array([shift.real, shift.imag, height]))
         found = fit_to_partial(source, target, level)
         if found is not None:
-            return found
+            return [found]
     raise NotComputableError(
         f"strip {strip}: its control does not determine scale, place and inclination (two points "
         "in plan and three heights that are not on one line)"

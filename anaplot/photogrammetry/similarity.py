@@ -12,10 +12,9 @@ from anaplot.aliases import Array, Bools, Index
 from anaplot.photogrammetry.collinearity import turns
 
 __all__ = [
-    "ExchangedPair",
     "Similarity",
     "agreeing_sets",
-    "exchanged_pairs",
+    "closed_form",
     "fit_similarity",
     "fit_to_partial",
     "line_of",
@@ -31,9 +30,6 @@ _ON_A_LINE = 0.02  # extent across over extent along below which points leave a 
 _CLOSE = 1e-10  # step after which a similarity is refined
 _SAMPLES = 200  # triples that are tried of more points
 _ALL_TRIPLES = 12  # points of which all triples are tried, where that is done rarely
-_ALL_PAIRS = 40  # points of which every two are exchanged
-_AS_ONE = 0.2  # of what is left as they are: what two that were exchanged leave
-_MOST_PAIRS = 3  # of them
 _AT_ONCE = 16384  # distances that stay at hand while they are used
 
 
@@ -50,8 +46,19 @@ class Similarity(NamedTuple):
         return out
 
 
-def _closed_form(source: Array, target: Array) -> tuple[Array, Array, Array]:
-    """Similarities of batches of (k, n, 3) points (Umeyama 1991): scales, rotations, shifts."""
+def closed_form(source: Array, target: Array) -> tuple[Array, Array, Array]:
+    """Return the similarities of batches of (k, n, 3) points (Umeyama 1991).
+
+    Parameters
+    ----------
+    source, target
+        (k, n, 3) points before and after.
+
+    Returns
+    -------
+    arrays
+        (k,) scales, (k, 3, 3) rotations and (k, 3) shifts.
+    """
     a, b = source.mean(axis=1), target.mean(axis=1)
     s, t = source - a[:, None], target - b[:, None]
     left, singular, right = np.linalg.svd(np.matmul(t.transpose(0, 2, 1), s))
@@ -67,7 +74,7 @@ def _closed_form(source: Array, target: Array) -> tuple[Array, Array, Array]:
 
 def fit_similarity(source: Array, target: Array) -> Similarity:
     """Return the least-squares similarity of (n, 3) points, n >= 3."""
-    scale, rotation, shift = _closed_form(source[None], target[None])
+    scale, rotation, shift = closed_form(source[None], target[None])
     return Similarity(float(scale[0]), rotation[0], shift[0])
 
 
@@ -149,67 +156,6 @@ def agreeing_sets(source: Array, target: Array, most: int) -> list[Bools]:
     return [inside for gap, inside in best[:most] if gap > 1.0]
 
 
-class ExchangedPair(NamedTuple):
-    """Two points that may have been exchanged.
-
-    Attributes
-    ----------
-    first, second
-        Which.
-    left
-        What all points miss their targets by with these two exchanged, root of the mean square.
-    fitted
-        The similarity that leaves it.
-    """
-
-    first: int
-    second: int
-    left: float
-    fitted: Similarity
-
-
-def exchanged_pairs(source: Array, target: Array) -> tuple[list[ExchangedPair], float]:
-    """Find two points with whose targets exchanged a similarity leaves a fifth at most.
-
-    In what is symmetric there are several: of a level rectangle with two corners exchanged the
-    other two corners are a second pair, upside down.
-
-    Parameters
-    ----------
-    source, target
-        (n, 3) points before and after; four at least, and at most as many as have few pairs.
-
-    Returns
-    -------
-    list of ExchangedPair
-        Three at most, that which leaves least first.
-    float
-        What a similarity leaves with the targets as they are.
-    """
-    n = len(source)
-    if not 4 <= n <= _ALL_PAIRS:
-        return [], 0.0
-    pairs = np.array(list(combinations(range(n), 2)))
-    targets = np.repeat(target[None], len(pairs) + 1, axis=0)
-    at = np.arange(len(pairs))[:, None]
-    targets[at, pairs] = target[pairs[:, ::-1]]
-    scale, rotation, shift = _closed_form(np.broadcast_to(source, targets.shape), targets)
-    there = scale[:, None, None] * (source @ rotation.transpose(0, 2, 1)) + shift[:, None]
-    left = np.linalg.norm(there - targets, axis=(1, 2)) / sqrt(n)
-    as_they_are = float(left[-1])
-    found = [
-        ExchangedPair(
-            int(pairs[k, 0]),
-            int(pairs[k, 1]),
-            float(left[k]),
-            Similarity(float(scale[k]), rotation[k], shift[k]),
-        )
-        for k in np.argsort(left[:-1], kind="stable")[:_MOST_PAIRS].tolist()
-        if left[k] < _AS_ONE * as_they_are
-    ]
-    return found, as_they_are
-
-
 def _triples(source: Array, target: Array, *, all_up_to: int = 8) -> Index:
     """(k, 3) triples to try, not on a line: all of few points, some of many."""
     n = len(source)
@@ -232,7 +178,7 @@ def _triples(source: Array, target: Array, *, all_up_to: int = 8) -> Index:
 
 def _by_triples(source: Array, target: Array, index: Index) -> Array:
     """(k, 3, 4) similarities of (k, 3) triples: rotation times scale, and shift."""
-    scale, rotation, shift = _closed_form(source[index], target[index])
+    scale, rotation, shift = closed_form(source[index], target[index])
     return np.concatenate((scale[:, None, None] * rotation, shift[:, :, None]), axis=2)
 
 

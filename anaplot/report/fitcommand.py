@@ -163,6 +163,7 @@ def _answer(one: StripFit, points: Table) -> Answer:
         "redundancy": one.tested.redundancy,
         "sigma0": one.tested.sigma0,
         "rms_m": list(one.rms),
+        "remarks": list(one.remarks),
         "points": points,
     }
 
@@ -180,4 +181,5 @@ def _lines(one: StripFit) -> list[Part]:
             one.tested.sigma0,
         ),
         say("  RMS  X {:.3f|m}  Y {:.3f|m}  Z {:.3f|m}", x, y, z),
+        *(say("  note: {}", remark) for remark in one.remarks),
     ]

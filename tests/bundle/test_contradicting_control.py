@@ -19,8 +19,9 @@ from anaplot.bundle.errors.exchangedcontrol import exchanged_control
 from anaplot.bundle.errors.grosserrors import BlockFindings, block_gross_errors
 from anaplot.bundle.solve.problem import make_problem
 from anaplot.bundle.solve.structure import make_structure
+from anaplot.photogrammetry.exchangedpoints import exchanged_pairs
 from anaplot.photogrammetry.rotation import rotation_matrix
-from anaplot.photogrammetry.similarity import agreeing_sets, exchanged_pairs, fit_similarity
+from anaplot.photogrammetry.similarity import agreeing_sets, fit_similarity
 from anaplot.report.adjusterrors import errors_document
 from anaplot.report.astext import page_text
 

@@ -11,11 +11,11 @@ from bundleblocks import Scene, aerial
 from anaplot.bundle.adjust import adjust_block, adjust_problem
 from anaplot.bundle.errors.grosserrors import BlockFindings, block_gross_errors
 from anaplot.bundle.solve.problem import make_problem
-from anaplot.bundle.start.controlremark import look_up
+from anaplot.bundle.solve.upright import look_up
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import ControlPoint
+from anaplot.photogrammetry.exchangedpoints import exchanged_pairs
 from anaplot.photogrammetry.rotation import rotation_matrix
-from anaplot.photogrammetry.similarity import exchanged_pairs
 
 CORNERS = ("p1", "p6", "p25", "p30")  # left and right below, left and right above
 MIDDLE = "p15"
@@ -187,10 +187,10 @@ def test_what_fits_upside_down_is_told() -> None:
     for block in (replace(right, control=exchanged), square.block):
         adjusted = adjust_block(block)
         assert abs(adjusted.sigma0 - 1.0) < 4.0 / np.sqrt(2 * adjusted.redundancy)
-        assert adjusted.warnings[-1].startswith("most photos look up at their points: ")
-    assert adjust_block(right).warnings == ()
+        assert adjusted.remarks[-1].startswith("most photos look up at their points: ")
+    assert adjust_block(right).remarks == ()
     free = make_problem(replace(right, control=exchanged), datum="free")
-    assert not any("look up" in one for one in adjust_problem(free).warnings)
+    assert not any("look up" in one for one in adjust_problem(free).remarks)
 
 
 def test_of_a_level_rectangle_the_other_corners_are_a_likeness() -> None:

@@ -11,6 +11,7 @@ from anaplot.errors import NotComputableError
 from anaplot.orientation.stripfit import StripFit, fit_strip
 from anaplot.photogrammetry.block import Block, ControlPoint, Precision, TestSettings
 from anaplot.photogrammetry.rotation import rotation_matrix
+from anaplot.photogrammetry.similarity import similarity_effects
 from anaplot.planning.synthetic import synthetic_strip
 
 SCALE = 12.5  # m per mm
@@ -148,6 +149,54 @@ def test_too_little_control(block: Block, names: list[str], words: str) -> None:
     control = tuple(ControlPoint(n, tuple(ground.get(n, (0.0, 0.0, 0.0)))) for n in names)
     with pytest.raises(NotComputableError, match=words):
         fitted(replace(block, control=control))
+
+
+@pytest.mark.parametrize("count", [4, 5, 10])
+def test_interchanged_control_is_named(block: Block, count: int) -> None:
+    names = NAMES[:count]
+    made = controlled(block, ground_of(model_points()), names)
+    first, second, *others = made.control
+    control = (replace(first, xyz=second.xyz), replace(second, xyz=first.xyz), *others)
+    try:
+        said = fitted(replace(made, control=control)).remarks
+    except NotComputableError as error:
+        # was "not determined: Y0, kappa" of what is not undetermined at all
+        said = (str(error),)
+    (told,) = said
+    assert (
+        "control point p0 and control point p4 interchanged? With their coordinates exchanged all "
+        f"{count} agree with the strip to "
+    ) in told
+    assert fitted(made).remarks == ()
+
+
+def test_control_that_contradicts_the_strip_is_named_where_nothing_fits(block: Block) -> None:
+    rng = np.random.default_rng(20)
+    ground = ground_of(model_points())
+    ground[[0, 4]] += 1500.0 * rng.normal(size=(2, 3))
+    made = controlled(block, ground, NAMES[:5])
+    with pytest.raises(NotComputableError, match="without p0, p4 the other 3 control points agree"):
+        fitted(made)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_gross_errors_do_not_keep_a_strip_from_its_control(block: Block, seed: int) -> None:
+    # undamped steps ended nowhere
+    rng = np.random.default_rng(seed)
+    ground = ground_of(model_points())
+    for name in rng.choice(NAMES, 3, replace=False).tolist():
+        ground[int(name[1:])] += 300.0 * rng.normal(size=3)
+    found = fitted(controlled(block, ground, NAMES, sigma=(0.05,) * 3))
+    # B' P v = 0, with the residuals as they are told and derivatives of the similarity
+    at = {name: np.array(xyz) for name, *xyz in found.ground}
+    middle = np.mean(list(at.values()), axis=0)
+    parts = []
+    for row in found.tested:
+        weighted = row.w * np.sqrt(row.r)
+        effects = similarity_effects((at[row.key[0]] - middle)[None])[0]["XYZ".index(row.key[1])]
+        parts.append(effects * weighted**2 / row.residual)
+    gradient = np.sum(parts, axis=0)
+    assert np.abs(gradient).max() < 1e-6 * np.abs(parts).sum(axis=0).max()
 
 
 def test_control_on_a_line_determines_no_inclination(block: Block) -> None:

@@ -29,7 +29,8 @@ from anaplot.bundle.start.approximate import laid_onto_control
 from anaplot.bundle.start.controlremark import control_remark
 from anaplot.bundle.start.freenetwork import free_network
 from anaplot.errors import NotComputableError
-from anaplot.photogrammetry.similarity import agreeing_sets, exchanged_pairs
+from anaplot.photogrammetry.exchangedpoints import exchanged_pairs
+from anaplot.photogrammetry.similarity import agreeing_sets
 
 __all__ = [
     "AgreedPlace",

@@ -15,7 +15,7 @@ from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.observations import ObservationName
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.reliability import Cofactors
-from anaplot.bundle.start.controlremark import look_up
+from anaplot.bundle.solve.upright import look_up
 
 __all__ = ["ExchangedControl", "exchanged_control", "price_of"]
 

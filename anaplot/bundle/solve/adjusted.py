@@ -34,6 +34,7 @@ from anaplot.bundle.solve.rows import (
     RayRow,
 )
 from anaplot.bundle.solve.selection import left_out_sentences
+from anaplot.bundle.solve.upright import upright_sentences
 from anaplot.photogrammetry.block import ControlPoint
 from anaplot.photogrammetry.imagepoints import columns_of
 from anaplot.photogrammetry.rotation import rotation_angles, rotation_axes
@@ -81,8 +82,12 @@ class AdjustedBlock:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Sentences for a person: what of the block takes no part, then the warnings."""
-        return (*left_out_sentences(self.problem.left_out), *self.warnings)
+        """Sentences for a person: what takes no part, the warnings, how the block lies."""
+        return (
+            *left_out_sentences(self.problem.left_out),
+            *self.warnings,
+            *upright_sentences(self.problem, self.state.rotations),
+        )
 
     @cached_property
     def test(self) -> AppliedTest:

@@ -16,28 +16,26 @@ from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.linearised import objective
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.structure import Structure
+from anaplot.bundle.solve.upright import look_up
 from anaplot.bundle.start.freenetwork import free_network
 from anaplot.bundle.start.robust import no_minimum_error
 from anaplot.errors import NotComputableError
-from anaplot.photogrammetry.similarity import exchanged_pairs, robust_similarity
+from anaplot.photogrammetry.exchangedpoints import INTERCHANGED, likely_exchange
+from anaplot.photogrammetry.similarity import robust_similarity
 
 __all__ = [
     "ControlRemark",
     "control_bends",
     "control_remark",
-    "look_up",
     "told_of_control",
     "unsolved_error",
 ]
 
 _MIRRORED = "control is the mirror image of what the photos show"
-_INTERCHANGED = " interchanged? With their coordinates exchanged all "
 
 _FEWEST = 4  # control points of which a mirror image may be told from the block itself
-_CLEARLY = 20.0  # times better than the block has its mirror image to fit, or two exchanged
-_ALONE = 5.0  # times better than with another two exchanged, which else may be it as well
+_CLEARLY = 20.0  # times better than the block has its mirror image to fit
 _MOST = 0.75  # of the control points, and fit these
-_STEEP = 0.7  # cosine between upward and where a photo looks
 _IN_SCALE = 2.5  # sigma0 without control, or one over it: the photos agree with their sigma
 _SMALL = 10_000  # rays of a block of which a wrong control point bends nearly all
 
@@ -56,25 +54,6 @@ class ControlRemark(NamedTuple):
 
     text: str
     exchanged: tuple[tuple[str, str], ...] = ()
-
-
-def look_up(problem: Problem, rotations: Array) -> bool:
-    """Return whether most photos look up steeply, and nothing that is stated says that they do.
-
-    A level rectangle of control with two corners exchanged fits a block upside down as well.
-
-    Parameters
-    ----------
-    problem
-        The bundle.
-    rotations
-        (photos, 3, 3) of its photos, image to ground.
-    """
-    if not float(np.median(-rotations[:, 2, 2])) > _STEEP:
-        return False
-    stated = problem.stated_rotations[:, 2, 2]
-    stated = stated[np.isfinite(stated)]
-    return not (len(stated) and float(np.median(-stated)) > _STEEP)
 
 
 def control_remark(problem: Problem, start: BlockState) -> ControlRemark | None:
@@ -114,12 +93,19 @@ def control_remark(problem: Problem, start: BlockState) -> ControlRemark | None:
             f"{_MIRRORED}: mirrored it fits to {by_mirror:.2g} m, else to {by_itself:.2g} m; does y"
             " of the images point down, are x and y, or X and Y, exchanged, or does Z point down?"
         )
-    return _exchanged(free, bare, network, ground, [point for point, _ in known])
+    exchanged = likely_exchange(
+        [point for point, _ in known],
+        network,
+        ground,
+        "the photos",
+        lambda fitted: look_up(free, fitted.rotation @ bare.rotations),
+    )
+    return None if exchanged is None else ControlRemark(exchanged.text, exchanged.pairs)
 
 
 def told_of_control(warnings: Iterable[str]) -> str | None:
     """Return what `control_remark` has said, of the warnings about a block; None: nothing."""
-    told = (one for one in warnings if one.startswith(_MIRRORED) or _INTERCHANGED in one)
+    told = (one for one in warnings if one.startswith(_MIRRORED) or INTERCHANGED in one)
     return next(told, None)
 
 
@@ -141,33 +127,6 @@ def control_bends(problem: Problem, start: BlockState) -> bool:
         return False
     vtpv, usual = objective(free, bare)[0], float(free.redundancy)
     return usual / _IN_SCALE**2 <= vtpv <= usual * _IN_SCALE**2
-
-
-def _exchanged(
-    free: Problem, bare: BlockState, network: Array, ground: Array, points: list[str]
-) -> ControlRemark | None:
-    """Say which two of some control points are exchanged, if with these alone all agree."""
-    pairs, as_they_are = exchanged_pairs(network, ground)
-    if not pairs:
-        return None
-    # of a pair and its likeness upside down, only what differs clearly speaks for the latter
-    left = [
-        pair.left * (_CLEARLY if look_up(free, pair.fitted.rotation @ bare.rotations) else 1.0)
-        for pair in pairs
-    ]
-    best = min(left)
-    if not best * _CLEARLY < as_they_are:
-        return None
-    likely = [pair for pair, one in zip(pairs, left, strict=True) if not best * _ALONE < one]
-    exchanged = tuple((points[pair.first], points[pair.second]) for pair in likely)
-    names = ", or ".join(f"control point {a} and control point {b}" for a, b in exchanged)
-    if len(exchanged) > 1:
-        names += ","
-    return ControlRemark(
-        f"{names}{_INTERCHANGED}{len(points)} agree with the photos to "
-        f"{likely[0].left:.2g} m, else to {as_they_are:.2g} m",
-        exchanged,
-    )
 
 
 def unsolved_error(
