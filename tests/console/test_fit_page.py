@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -45,6 +46,19 @@ def fitted(degree, without) -> tuple[StripOnControl, ...]:
         StripOnControl("1", 2, tuple(PLACES), found),
         StripOnControl("2", 0, (), other),
     )
+
+
+@pytest.mark.parametrize("width", [80, 160])
+def test_interchanged_control_is_named_above_its_differences(width):
+    first, second, *others = CONTROL
+    exchanged = (replace(first, xyz=second.xyz), replace(second, xyz=first.xyz), *others)
+    found = fit_strip(block(exchanged), "1", PLACES, 92.0)
+    strips = (StripOnControl("1", 2, tuple(PLACES), found),)
+    page = [line.plain for line in fit_lines(strips, FitChoice(), "", width)]
+    assert max(map(cell_len, page)) <= width
+    said = " ".join(" ".join(page).split())
+    assert "control point c0 and control point c1 interchanged? With their coordinates" in said
+    assert said.index("interchanged?") < said.index("dX m")
 
 
 @pytest.mark.parametrize("size", [(80, 24), (160, 50)])

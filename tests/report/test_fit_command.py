@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -53,6 +54,19 @@ def test_text_json_and_csv(
     assert "STRIP 1  similarity and polynomials of degree 2" in out
     assert "scale 1 : 10000" in out
     assert "no" in next(line for line in out.splitlines() if line.split()[:1] == [name]).split()
+
+
+def test_interchanged_control_is_named(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    first, second, *others = read_block(folder).control
+    exchanged = (replace(first, xyz=second.xyz), replace(second, xyz=first.xyz))
+    (folder / "control.csv").unlink()
+    write_control(folder, [*exchanged, *others])
+    assert main(["fit", str(folder), "--json"]) == 0
+    (strip,) = json.loads(capsys.readouterr().out)["strips"]
+    (told,) = strip["remarks"]
+    assert f"{first.point} and control point {second.point} interchanged?" in told
+    assert main(["fit", str(folder)]) == 0
+    assert f"  note: {told}" in capsys.readouterr().out
 
 
 def test_what_cannot_be_fitted(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
