@@ -298,6 +298,12 @@ def _compare(options: argparse.Namespace) -> int:
     return run_computation(options, partial(compare, *epochs), reads + more, page)
 
 
+def _add_completion_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "shell", choices=("bash", "zsh", "fish"), metavar="SHELL", help="bash, zsh or fish"
+    )
+
+
 def command_parser() -> CommandParser:
     """Return the parser of the whole command line; light: nothing is computed or read."""
     parser = CommandParser(
@@ -318,7 +324,7 @@ def command_parser() -> CommandParser:
         "anaplot demo",
         "anaplot demo --auto --seed 7",
     )
-    add_demo_arguments(demo)
+    demo.later(add_demo_arguments)
     add_plan_commands(commands)
     new = commands.add(
         "new",
@@ -327,7 +333,7 @@ def command_parser() -> CommandParser:
         "anaplot new survey --strip 101-105",
         "anaplot new flight --strip 101-120 --strip 220-201 --camera rmk15 --control points.txt",
     )
-    add_new_arguments(new)
+    new.later(add_new_arguments)
     door = commands.add(
         "import",
         _import,
@@ -335,7 +341,7 @@ def command_parser() -> CommandParser:
         "anaplot import colmap sparse/0 -o fromcolmap",
         "anaplot import sparse/0 -o halved --sigma-px 0.5",
     )
-    add_import_arguments(door)
+    door.later(add_import_arguments)
 
     commands.group("at the instrument")
     add_plotter_commands(commands)
@@ -346,7 +352,7 @@ def command_parser() -> CommandParser:
         "anaplot open myblock --simulate",
         "anaplot open myblock --profile anaplot-ascii --port /dev/ttyUSB0",
     )
-    add_open_arguments(opening)
+    opening.later(add_open_arguments)
     inner = commands.add(
         "inner",
         _inner,
@@ -354,7 +360,7 @@ def command_parser() -> CommandParser:
         "anaplot inner fiducials.toml",
         "anaplot inner fiducials.toml --points plates.csv --apply flight",
     )
-    add_inner_arguments(inner)
+    inner.later(add_inner_arguments)
     status = commands.add(
         "status",
         _status,
@@ -362,7 +368,7 @@ def command_parser() -> CommandParser:
         "anaplot status myblock",
         "anaplot status myblock --json",
     )
-    add_status_arguments(status)
+    status.later(add_status_arguments)
     log = commands.add(
         "log",
         _log,
@@ -370,7 +376,7 @@ def command_parser() -> CommandParser:
         "anaplot log myblock",
         "anaplot log myblock --csv changes.csv",
     )
-    add_log_arguments(log)
+    log.later(add_log_arguments)
     pointing = commands.add(
         "pointing",
         _pointing,
@@ -378,7 +384,7 @@ def command_parser() -> CommandParser:
         "anaplot pointing myblock",
         "anaplot pointing myblock --to pointing",
     )
-    add_pointing_arguments(pointing)
+    pointing.later(add_pointing_arguments)
     replay = commands.add(
         "replay",
         _replay,
@@ -386,7 +392,7 @@ def command_parser() -> CommandParser:
         "anaplot replay myblock --check",
         "anaplot replay myblock --to rebuilt",
     )
-    add_replay_arguments(replay)
+    replay.later(add_replay_arguments)
 
     commands.group("the block as a whole")
     bridge = commands.add(
@@ -396,7 +402,7 @@ def command_parser() -> CommandParser:
         "anaplot bridge myblock",
         "anaplot bridge myblock --errors tau --csv rows.csv",
     )
-    add_bridge_arguments(bridge)
+    bridge.later(add_bridge_arguments)
     fit = commands.add(
         "fit",
         _fit,
@@ -404,7 +410,7 @@ def command_parser() -> CommandParser:
         "anaplot fit myblock",
         "anaplot fit myblock --degree 2 --csv discrepancies.csv",
     )
-    add_fit_arguments(fit)
+    fit.later(add_fit_arguments)
     adjust = commands.add(
         "adjust",
         _adjust,
@@ -412,8 +418,7 @@ def command_parser() -> CommandParser:
         "anaplot adjust myblock",
         "anaplot adjust myblock --additional ebner --to tables",
     )
-    add_adjust_arguments(adjust)
-    add_apply_arguments(adjust)
+    adjust.later(add_adjust_arguments, add_apply_arguments)
     add_report_command(commands, _report)
     compare = commands.add(
         "compare",
@@ -422,7 +427,7 @@ def command_parser() -> CommandParser:
         "anaplot compare spring autumn",
         "anaplot compare spring summer autumn --csv moved.csv --report moved.html",
     )
-    add_compare_arguments(compare)
+    compare.later(add_compare_arguments)
 
     commands.group("to pass on")
     out = commands.add(
@@ -432,7 +437,7 @@ def command_parser() -> CommandParser:
         "anaplot export colmap myblock -o cleaned",
         "anaplot export geojson myblock -o map.geojson --ellipses 1000",
     )
-    add_export_arguments(out)
+    out.later(add_export_arguments)
     pack = commands.add(
         "pack",
         _pack,
@@ -440,7 +445,7 @@ def command_parser() -> CommandParser:
         "anaplot pack myblock -o myblock.zip",
         "anaplot pack myblock -o backup/monday.zip",
     )
-    add_pack_arguments(pack)
+    pack.later(add_pack_arguments)
     unpack = commands.add(
         "unpack",
         _unpack,
@@ -448,7 +453,7 @@ def command_parser() -> CommandParser:
         "anaplot unpack myblock.zip -o again",
         "anaplot unpack backup/monday.zip -o monday",
     )
-    add_unpack_arguments(unpack)
+    unpack.later(add_unpack_arguments)
 
     commands.group("for the shell")
     completion = commands.add(
@@ -458,9 +463,7 @@ def command_parser() -> CommandParser:
         "anaplot completion bash > anaplot.bash",
         "anaplot completion fish > anaplot.fish",
     )
-    completion.add_argument(
-        "shell", choices=("bash", "zsh", "fish"), metavar="SHELL", help="bash, zsh or fish"
-    )
+    completion.later(_add_completion_arguments)
     commands.add(
         "manual",
         _manual,

@@ -8,6 +8,7 @@ import io
 import re
 import string
 import sys
+from collections.abc import Callable
 from difflib import SequenceMatcher
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,7 @@ from hypothesis import strategies as st
 
 from anaplot.cli import command_parser, main
 from anaplot.errors import InputError
-from anaplot.report.commandparser import CommandParser, commands_of
+from anaplot.report.commandparser import CommandParser, Commands, commands_of
 
 
 def said(*words: str) -> str:
@@ -252,3 +253,27 @@ def test_what_is_written_has_one_name(line: tuple[str, ...], message: str) -> No
 
 def test_a_file_may_be_named_like_standard_output() -> None:
     assert command_parser().parse_args(["adjust", "x", "--csv", "./-"]).csv == Path("-")
+
+
+def test_only_the_command_that_is_called_adds_its_arguments() -> None:
+    added = []
+
+    def adding(name: str) -> Callable[[CommandParser], None]:
+        def add(one: CommandParser) -> None:
+            added.append(name)
+            one.add_argument(f"--{name}")
+
+        return add
+
+    parser = CommandParser(prog="p")
+    commands = Commands(parser, "command")
+    for name in ("first", "second"):
+        commands.add(name, lambda _: 0, name).later(adding(name), adding(f"{name}-too"))
+    found = parser.parse_args(["second", "--second-too", "x"])
+    assert (found.second, found.second_too) == (None, "x")
+    assert added == ["second", "second-too"]
+    # whoever looks at the others finds theirs, once
+    first = commands_of(parser)["first"]
+    assert "--first-too" in first._option_string_actions
+    assert "--first " in first.format_help()
+    assert added == ["second", "second-too", "first", "first-too"]

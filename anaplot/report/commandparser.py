@@ -64,6 +64,22 @@ class NewTarget(argparse.Action):
         setattr(namespace, self.dest, values)
 
 
+class _AddedLater:
+    """What a parser has, after what was to be added later has been."""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._key = f"{name} as it is"
+
+    def __get__(self, parser: CommandParser | None, owner: type) -> Any:
+        if parser is None:
+            return self
+        parser.add_now()
+        return vars(parser)[self._key]
+
+    def __set__(self, parser: CommandParser, value: Any) -> None:
+        vars(parser)[self._key] = value
+
+
 class CommandParser(argparse.ArgumentParser):
     """A parser whose errors are one line, like every other error, and say what is meant.
 
@@ -75,10 +91,32 @@ class CommandParser(argparse.ArgumentParser):
         As `argparse.ArgumentParser` has it.
     """
 
+    _actions: Any = _AddedLater()
+    _action_groups: Any = _AddedLater()
+    _mutually_exclusive_groups: Any = _AddedLater()
+    _option_string_actions: Any = _AddedLater()
+
     def __init__(self, *, examples: Sequence[str] = (), **said: Any) -> None:
+        self._later: list[Callable[[CommandParser], None]] = []
         self.examples = tuple(examples)
         self.groups: list[tuple[str, list[str]]] = []
         super().__init__(**{"formatter_class": _Help, **said})
+
+    def later(self, *add: Callable[[CommandParser], None]) -> None:
+        """Add arguments when somebody asks for them: of all commands one is called.
+
+        Parameters
+        ----------
+        add
+            What adds them, in this order.
+        """
+        self._later += add
+
+    def add_now(self) -> None:
+        """Add what was to be added later."""
+        waiting, self._later = self._later, []
+        for add in waiting:
+            add(self)
 
     # Pythons from 3.14 on, which colour helps, hand on a formatter, and the file it is for
     def format_help(self, *given: Any, **named: Any) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from anaplot.report.commandparser import Commands
+from anaplot.report.commandparser import CommandParser, Commands
 from anaplot.report.planarguments import (
     add_additional_arguments,
     add_block_arguments,
@@ -73,6 +73,10 @@ def add_plan_commands(commands: Commands) -> None:
         "anaplot plan network cube --case A,B",
         description="Planning: reliability from geometry alone.",
     )
+    plan.later(_add_parts)
+
+
+def _add_parts(plan: CommandParser) -> None:
     parts = Commands(plan, "part")
     add_pattern_arguments(
         parts.add(

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TextIO
 
 from anaplot.report.arguments import add_output, positive, whole
-from anaplot.report.commandparser import Commands
+from anaplot.report.commandparser import CommandParser, Commands
 
 __all__ = ["add_plotter_commands"]
 
@@ -101,6 +101,10 @@ def add_plotter_commands(commands: Commands) -> None:
         "anaplot plotter check anaplot-ascii",
         description="Instruments: ports, profiles, and a simulated plotter by itself.",
     )
+    plotter.later(_add_parts)
+
+
+def _add_parts(plotter: CommandParser) -> None:
     parts = Commands(plotter, "part")
     listing = parts.add(
         "list",

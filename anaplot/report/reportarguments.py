@@ -65,12 +65,10 @@ def add_report_arguments(parser: argparse.ArgumentParser) -> None:
 
 def add_report_command(commands: Commands, run: Callable[[argparse.Namespace], int]) -> None:
     """Add the command `report`, which a function runs."""
-    add_report_arguments(
-        commands.add(
-            "report",
-            run,
-            "the adjusted block as one page that stands by itself: verdict, figures, tables",
-            "anaplot report myblock -o report.html",
-            "anaplot report myblock -o search.html --errors search --figures figures",
-        )
-    )
+    commands.add(
+        "report",
+        run,
+        "the adjusted block as one page that stands by itself: verdict, figures, tables",
+        "anaplot report myblock -o report.html",
+        "anaplot report myblock -o search.html --errors search --figures figures",
+    ).later(add_report_arguments)

@@ -83,11 +83,8 @@ class AdjustedBlock:
     @property
     def remarks(self) -> tuple[str, ...]:
         """Sentences for a person: what takes no part, the warnings, how the block lies."""
-        return (
-            *left_out_sentences(self.problem.left_out),
-            *self.warnings,
-            *upright_sentences(self.problem, self.state.rotations),
-        )
+        lies = upright_sentences(self.problem, self.state.rotations)
+        return (*left_out_sentences(self.problem.left_out), *self.warnings, *lies)
 
     @cached_property
     def test(self) -> AppliedTest:
