@@ -157,6 +157,20 @@ def test_two_of_five_are_out_and_the_block_is_upright(pair: tuple[str, str], rel
     assert "explains as much" not in remark
 
 
+@pytest.mark.parametrize("strategy", ["search", pytest.param("baarda", marks=pytest.mark.slow)])
+def test_two_of_four_points_known_in_plan_are_named(strategy: str) -> None:
+    # the two others hold a block, 3.5 km off: nothing checked it
+    scene = scene_with(("p8", "p22"), "p8", "p22", "p11", "p29", "p3", "p14", "p27", relief=40.0)
+    plan, heights = scene.block.control[:4], scene.block.control[4:]
+    control = (
+        *(replace(row, xyz=(*row.xyz[:2], None), sigma=(SIGMA, SIGMA, None)) for row in plan),
+        *(replace(row, xyz=(None, None, row.xyz[2]), sigma=(None, None, SIGMA)) for row in heights),
+    )
+    named = r"control point p8 and control point p22 interchanged\? With .* all 4 agree"
+    with pytest.raises(NotComputableError, match=named):
+        block_gross_errors(replace(scene.block, control=control), strategy)
+
+
 def test_of_what_a_half_turn_explains_as_well_both_are_told() -> None:
     corners, centre = ("p1", "p7", "p29", "p35"), "p18"
     scene = scene_with(("p7", "p29"), *corners, centre, relief=30.0, length=7)

@@ -135,10 +135,14 @@ def what_is_wrong(
         Two control points are exchanged, and no search may go on without them: the others do not
         hold the block, or they are free of error.
     """
-    points = whole_control(problem)
+    whole = len(whole_control(problem))
+    plan = np.flatnonzero(problem.controlled[:, :2].all(axis=1)).tolist()
+    points = {problem.points[k]: k for k in plan}
+    # of those that can be compared as many are known
+    count = whole if whole >= _FEWEST else len(points)
     if out is None:
-        free_of_error = bool(problem.fixed[list(points.values())].any())
-        doubted = len(points) == _FEWEST or (len(points) > _FEWEST and free_of_error)
+        free_of_error = bool(problem.fixed[plan].any())
+        doubted = count == _FEWEST or (count > _FEWEST and free_of_error)
     else:
         doubted = doubtful(problem, out)
     remark = control_remark(problem, state) if doubted else None
@@ -157,7 +161,9 @@ def what_is_wrong(
             except NotComputableError:
                 why = "without them the others do not hold the block"
             else:
-                continue
+                if whole >= _FEWEST or count > _FEWEST:
+                    continue
+                why = "without them nothing checks the others"
         raise NotComputableError(
             f"block {problem.block.name}: {remark.text}; {why}: correct control"
         )

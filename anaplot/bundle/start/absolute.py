@@ -11,7 +11,7 @@ from anaplot.photogrammetry.collinearity import project, turns
 from anaplot.photogrammetry.rotation import rotation_matrix
 from anaplot.photogrammetry.similarity import Similarity, fit_to_partial
 
-__all__ = ["give_nominal_place", "to_ground", "to_some_ground"]
+__all__ = ["give_nominal_place", "to_ground", "to_some_ground", "turn_onto"]
 
 _CLOSE = 1e-4  # step after which a similarity is refined: the bundle goes on
 _BETTER = 0.5  # share of what another similarity leaves off, at most: noise alone is no reason
@@ -151,7 +151,7 @@ def _along_the_line(source: Array, target: Array) -> Similarity | None:
     lengths = float(np.linalg.norm(a)), float(np.linalg.norm(b))
     if min(lengths) <= 0.0:
         return None
-    rotation = _turn_onto(a / lengths[0], b / lengths[1])
+    rotation = turn_onto(a / lengths[0], b / lengths[1])
     scale = lengths[1] / lengths[0]
     return Similarity(scale, rotation, target[first] - scale * rotation @ source[first])
 
@@ -171,8 +171,8 @@ def _line_starts(source: Array, target: Array) -> list[Similarity]:
     return found
 
 
-def _turn_onto(a: Array, b: Array) -> Array:
-    """Return the shortest rotation that takes the unit vector a to b."""
+def turn_onto(a: Array, b: Array) -> Array:
+    """Return the shortest rotation (3, 3) that takes the unit vector a (3,) to b (3,)."""
     axis = np.cross(a, b)
     size = float(np.linalg.norm(axis))
     angle = float(np.arctan2(size, float(a @ b)))

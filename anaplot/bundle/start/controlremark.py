@@ -17,6 +17,7 @@ from anaplot.bundle.solve.linearised import objective
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.structure import Structure
 from anaplot.bundle.solve.upright import look_up
+from anaplot.bundle.start.absolute import turn_onto
 from anaplot.bundle.start.freenetwork import free_network
 from anaplot.bundle.start.robust import no_minimum_error
 from anaplot.errors import NotComputableError
@@ -37,6 +38,7 @@ _FEWEST = 4  # control points of which a mirror image may be told from the block
 _CLEARLY = 20.0  # times better than the block has its mirror image to fit
 _MOST = 0.75  # of the control points, and fit these
 _IN_SCALE = 2.5  # sigma0 without control, or one over it: the photos agree with their sigma
+_TOGETHER = 0.9  # length of the mean direction in which photos look that are taken from above
 _SMALL = 10_000  # rays of a block of which a wrong control point bends nearly all
 
 
@@ -62,31 +64,28 @@ def control_remark(problem: Problem, start: BlockState) -> ControlRemark | None:
     That it is the mirror image of what the photos show: no rotation makes one of the other, and
     adjusted together they tear the block anywhere. Control in one plane fits both. Or that two
     control points are exchanged: one mistake, but of four control points two others are left, and
-    these hold no block.
+    these hold no block. Where less than four are known in all coordinates, those known in plan are
+    asked below photos that look down together.
 
     Parameters
     ----------
     problem, start
         The bundle, and where the free network begins.
     """
-    known = [
-        (row.point, row.xyz)
-        for row in problem.block.control
-        if row.use == "control" and None not in row.xyz
-    ]
-    if problem.defect or len(known) < _FEWEST:
+    if problem.defect or len(_known(problem, plan=True)) < _FEWEST:
         return None
     try:
         free, bare = free_network(problem, start, anew=True)
     except (NotComputableError, np.linalg.LinAlgError):
         return None
     at = {point: k for k, point in enumerate(free.points)}
-    known = [row for row in known if row[0] in at]
+    known = {name: xyz for name, xyz in _known(problem, plan=False).items() if name in at}
     if len(known) < _FEWEST:
-        return None
-    ground = np.array([xyz for _, xyz in known], dtype=float)
+        plan = {name: xyz for name, xyz in _known(problem, plan=True).items() if name in at}
+        return _exchanged_in_plan(bare, plan, [at[name] for name in plan])
+    ground = np.array(list(known.values()), dtype=float)
     ground -= ground.mean(axis=0)
-    network = bare.points[[at[point] for point, _ in known]]
+    network = bare.points[[at[name] for name in known]]
     by_itself, by_mirror = (_misfit(side * network, ground) for side in (1.0, -1.0))
     if by_mirror * _CLEARLY < by_itself:
         return ControlRemark(
@@ -94,11 +93,39 @@ def control_remark(problem: Problem, start: BlockState) -> ControlRemark | None:
             " of the images point down, are x and y, or X and Y, exchanged, or does Z point down?"
         )
     exchanged = likely_exchange(
-        [point for point, _ in known],
+        list(known),
         network,
         ground,
         "the photos",
         lambda fitted: look_up(free, fitted.rotation @ bare.rotations),
+    )
+    return None if exchanged is None else ControlRemark(exchanged.text, exchanged.pairs)
+
+
+def _known(problem: Problem, *, plan: bool) -> dict[str, tuple[float | None, ...]]:
+    """Return the control of which all is known, or X and Y at least, by name."""
+    return {
+        row.point: row.xyz
+        for row in problem.block.control
+        if row.use == "control" and None not in (row.xyz[:2] if plan else row.xyz)
+    }
+
+
+def _exchanged_in_plan(
+    bare: BlockState, known: dict[str, tuple[float | None, ...]], at: list[int]
+) -> ControlRemark | None:
+    """Say which two points known in plan are exchanged, below photos that look down together."""
+    down = -bare.rotations[:, :, 2].mean(axis=0)
+    length = float(np.linalg.norm(down))
+    if len(known) < _FEWEST or length < _TOGETHER:
+        return None
+    upright = turn_onto(down / length, np.array([0.0, 0.0, -1.0]))
+    network = bare.points[at] @ upright.T
+    ground = np.array([(*xyz[:2], 0.0) for xyz in known.values()], dtype=float)
+    ground -= ground.mean(axis=0)
+    network[:, 2] = 0.0
+    exchanged = likely_exchange(
+        list(known), network, ground, "the photos", lambda fitted: fitted.rotation[2, 2] < 0.0
     )
     return None if exchanged is None else ControlRemark(exchanged.text, exchanged.pairs)
 
