@@ -203,7 +203,7 @@ def fit_strip(
     else:
         why = exchanged or f"{failure}{_disagreeing(named, source[whole], target[whole])}"
         raise NotComputableError(f"strip {strip}: {why}") from failure
-    transformed = now.apply(source) + shape.bend(now.apply(source)) @ free
+    transformed = shape.lay(now, free, source)
     residual = (transformed - target)[known]
     tested = examine(
         keys,
@@ -216,7 +216,7 @@ def fit_strip(
         test=block.test,
         rounding=1e-9,
     )
-    ground = now.apply(everything) + shape.bend(now.apply(everything)) @ free
+    ground = shape.lay(now, free, everything)
     return StripFit(
         strip=strip,
         degree=degree,
@@ -244,8 +244,7 @@ def _iterated(
     """
 
     def misclosures(at: Similarity, free: Array) -> Array:
-        ground = at.apply(source)
-        return np.asarray((ground + shape.bend(ground) @ free - target)[known] / sigma)
+        return np.asarray((shape.lay(at, free, source) - target)[known] / sigma)
 
     now, free = start, np.zeros(len(names) - len(_SEVEN))
     off = misclosures(now, free)
@@ -301,6 +300,11 @@ class _Shape:
         self._along = along
         self._half = max(float(np.abs(plan @ along).max()), 1e-12)
         self._degree = degree
+
+    def lay(self, similarity: Similarity, free: Array, points: Array) -> Array:
+        """Return (n, 3) points of the strip on the ground, bent by their coefficients."""
+        ground = similarity.apply(points)
+        return np.asarray(ground + self.bend(ground) @ free)
 
     def bend(self, ground: Array) -> Array:
         """Return (n, 3, 4 (degree - 1)): effects of the coefficients a, b, c, t of each degree."""

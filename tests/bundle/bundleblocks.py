@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from anaplot.bundle.errors.grosserrors import BlockFindings
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.problem import Problem
 from anaplot.photogrammetry.block import (
@@ -121,6 +122,13 @@ def make_scene(
         {p: np.asarray(v[1], float) for p, v in photos.items()},
         {p: np.asarray(v, float) for p, v in points.items()},
     )
+
+
+def off_by(scene: Scene, cleaned: BlockFindings) -> float:
+    """Return by how much the worst projection centre is off [m]."""
+    state = cleaned.block.state
+    true = np.array([scene.centres[name] for name in cleaned.block.problem.photos])
+    return float(np.linalg.norm(state.centres + state.origin - true, axis=1).max())
 
 
 # --- Gruen 1978, Figure 2 -------------------------------------------------------------------

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import startkinds
-from bundleblocks import Scene
+from bundleblocks import Scene, off_by
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -16,7 +16,7 @@ from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.errors.blockrows import BlockPlace, BlockRows
 from anaplot.bundle.errors.controlagreed import contradicted
 from anaplot.bundle.errors.exchangedcontrol import exchanged_control
-from anaplot.bundle.errors.grosserrors import BlockFindings, block_gross_errors
+from anaplot.bundle.errors.grosserrors import block_gross_errors
 from anaplot.bundle.solve.problem import make_problem
 from anaplot.bundle.solve.structure import make_structure
 from anaplot.photogrammetry.exchangedpoints import exchanged_pairs
@@ -55,13 +55,6 @@ def interchanged(scene: Scene, rng: np.random.Generator) -> set[str]:
     control[i], control[j] = replace(a, xyz=b.xyz), replace(b, xyz=a.xyz)
     scene.block = replace(scene.block, control=tuple(control))
     return {a.point, b.point}
-
-
-def off_by(scene: Scene, cleaned: BlockFindings) -> float:
-    """Return by how much the worst projection centre is off [m]."""
-    state = cleaned.block.state
-    true = np.array([scene.centres[name] for name in cleaned.block.problem.photos])
-    return float(np.linalg.norm(state.centres + state.origin - true, axis=1).max())
 
 
 @pytest.mark.parametrize(

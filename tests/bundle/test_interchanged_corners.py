@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bundleblocks import Scene, aerial
+from bundleblocks import Scene, aerial, off_by
 
 from anaplot.bundle.adjust import adjust_block, adjust_problem
-from anaplot.bundle.errors.grosserrors import BlockFindings, block_gross_errors
+from anaplot.bundle.errors.grosserrors import block_gross_errors
 from anaplot.bundle.solve.problem import make_problem
 from anaplot.bundle.solve.upright import look_up
 from anaplot.errors import NotComputableError
@@ -43,13 +43,6 @@ def scene_with(
     control = tuple(ControlPoint(name, xyz, (sigma,) * 3) for name, xyz in at.items())
     scene.block = replace(scene.block, control=control)
     return scene
-
-
-def off_by(scene: Scene, cleaned: BlockFindings) -> float:
-    """Return by how much the worst projection centre is off [m]."""
-    state = cleaned.block.state
-    true = np.array([scene.centres[name] for name in cleaned.block.problem.photos])
-    return float(np.linalg.norm(state.centres + state.origin - true, axis=1).max())
 
 
 ALONG, ACROSS, DIAGONAL = ("p1", "p6"), ("p1", "p25"), ("p6", "p25")
