@@ -24,11 +24,7 @@ from anaplot.bundle.solve.problem import Datum, Problem, make_problem
 from anaplot.bundle.solve.reliability import Cofactors, compute_cofactors
 from anaplot.bundle.solve.structure import make_structure
 from anaplot.bundle.start.bestminimum import Ahead, best_minimum, check_held, fits, soft
-from anaplot.bundle.start.controlremark import (
-    control_bends,
-    control_remark,
-    unsolved_error,
-)
+from anaplot.bundle.start.controlremark import WithoutControl, unsolved_error
 from anaplot.bundle.start.halfrays import (
     half_seen,
     settled_points,
@@ -350,10 +346,10 @@ def _warnings(
         out.append("no redundancy: nothing is checked")
     torn = sigma0 is not None and sigma0 > TORN
     start = RobustPlace(found.state) if robust is None else robust
-    of_control = None
+    of_control, without = None, WithoutControl(problem, start.state)
     # the free network takes about as long as the adjustment
     if torn or (len(problem.photo) <= _FEW_RAYS and not fits(problem, found)):
-        of_control = control_remark(problem, start.state)
+        of_control = without.remark
     if torn and (doubt is None or of_control is not None):
         worst = robust_suspects(problem, found.normal.structure, start)
         out.append(
@@ -363,6 +359,7 @@ def _warnings(
     if of_control is not None:
         out.append(of_control.text)
     elif doubt is not None:
-        bent = control_bends(problem, start.state)
+        # control makes no residual smaller
+        bent = doubt.factor > 1.0 and without.agree
         out.append(doubt.of_control if bent else str(doubt))
     return out

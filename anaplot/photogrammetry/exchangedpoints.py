@@ -12,7 +12,7 @@ import numpy as np
 from anaplot.aliases import Array
 from anaplot.photogrammetry.similarity import Similarity, closed_form
 
-__all__ = ["INTERCHANGED", "ExchangedPair", "LikelyExchange", "exchanged_pairs", "likely_exchange"]
+__all__ = ["INTERCHANGED", "ControlRemark", "ExchangedPair", "exchanged_pairs", "likely_exchange"]
 
 INTERCHANGED = " interchanged? With their coordinates exchanged all "
 """What is always said of `likely_exchange`."""
@@ -85,19 +85,20 @@ def exchanged_pairs(source: Array, target: Array) -> tuple[list[ExchangedPair], 
     return found, as_they_are
 
 
-class LikelyExchange(NamedTuple):
-    """Two control points that were exchanged.
+class ControlRemark(NamedTuple):
+    """What is wrong with control as a whole.
 
     Attributes
     ----------
-    pairs
-        Their names, or several such pairs of which one is.
     text
         A sentence.
+    exchanged
+        Two control points that are exchanged, or several such pairs of which one is; none: it is
+        something else.
     """
 
-    pairs: tuple[tuple[str, str], ...]
     text: str
+    exchanged: tuple[tuple[str, str], ...] = ()
 
 
 def likely_exchange(
@@ -106,7 +107,7 @@ def likely_exchange(
     target: Array,
     of: str,
     unlikely: Callable[[Similarity], bool],
-) -> LikelyExchange | None:
+) -> ControlRemark | None:
     """Say which two of some control points were exchanged, if with these alone all agree.
 
     Parameters
@@ -133,8 +134,8 @@ def likely_exchange(
     said = ", or ".join(f"control point {a} and control point {b}" for a, b in exchanged)
     if len(exchanged) > 1:
         said += ","
-    return LikelyExchange(
-        exchanged,
+    return ControlRemark(
         f"{said}{INTERCHANGED}{len(names)} agree with {of} to {likely[0].left:.2g} m, else to "
         f"{as_they_are:.2g} m",
+        exchanged,
     )

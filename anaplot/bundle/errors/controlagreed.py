@@ -17,7 +17,7 @@ from anaplot.adjustment.significance import critical_normal
 from anaplot.aliases import Array, Bools, Index, Progress
 from anaplot.bundle.errors.blockrows import BlockPlace
 from anaplot.bundle.errors.exchangedcontrol import price_of
-from anaplot.bundle.errors.wholecontrol import whole_control
+from anaplot.bundle.errors.wholecontrol import plan_control, whole_control
 from anaplot.bundle.solve.datum import check_datum
 from anaplot.bundle.solve.gaussnewton import Minimum, find_minimum
 from anaplot.bundle.solve.imaging import BlockState
@@ -26,7 +26,7 @@ from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.reliability import Cofactors, compute_cofactors
 from anaplot.bundle.solve.structure import make_structure
 from anaplot.bundle.start.approximate import laid_onto_control
-from anaplot.bundle.start.controlremark import control_remark
+from anaplot.bundle.start.controlremark import WithoutControl
 from anaplot.bundle.start.freenetwork import free_network
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.exchangedpoints import exchanged_pairs
@@ -135,39 +135,43 @@ def what_is_wrong(
         Two control points are exchanged, and no search may go on without them: the others do not
         hold the block, or they are free of error.
     """
-    whole = len(whole_control(problem))
-    plan = np.flatnonzero(problem.controlled[:, :2].all(axis=1)).tolist()
-    points = {problem.points[k]: k for k in plan}
-    # of those that can be compared as many are known
-    count = whole if whole >= _FEWEST else len(points)
-    if out is None:
-        free_of_error = bool(problem.fixed[plan].any())
-        doubted = count == _FEWEST or (count > _FEWEST and free_of_error)
-    else:
-        doubted = doubtful(problem, out)
-    remark = control_remark(problem, state) if doubted else None
+    doubted = _beyond_search(problem) if out is None else doubtful(problem, out)
+    remark = WithoutControl(problem, state).remark if doubted else None
     if remark is None:
         return None
     for pair in remark.exchanged:
-        at = [points[point] for point in pair if point in points]
-        if len(at) < len(pair):
-            continue
-        why = "control free of error is not searched for gross errors"
-        if not problem.fixed[at].any():
-            sigma = problem.known_sigma.copy()
-            sigma[at] = np.nan
-            try:
-                check_datum(replace(problem, known_sigma=sigma), state)
-            except NotComputableError:
-                why = "without them the others do not hold the block"
-            else:
-                if whole >= _FEWEST or count > _FEWEST:
-                    continue
-                why = "without them nothing checks the others"
-        raise NotComputableError(
-            f"block {problem.block.name}: {remark.text}; {why}: correct control"
-        )
+        why = _why_not_without(problem, state, pair)
+        if why:
+            raise NotComputableError(
+                f"block {problem.block.name}: {remark.text}; {why}: correct control"
+            )
     return remark.text
+
+
+def _beyond_search(problem: Problem) -> bool:
+    """Whether two exchanged control points cannot be searched for: few others, or free of error."""
+    whole, plan = whole_control(problem), plan_control(problem)
+    count = len(whole) if len(whole) >= _FEWEST else len(plan)
+    free_of_error = bool(problem.fixed[list(plan.values())].any())
+    return count == _FEWEST or (count > _FEWEST and free_of_error)
+
+
+def _why_not_without(problem: Problem, state: BlockState, pair: tuple[str, str]) -> str:
+    """Return why no search may go on without two exchanged control points; "": it may."""
+    points = plan_control(problem)
+    at = [points[point] for point in pair if point in points]
+    if len(at) < len(pair):
+        return ""
+    if problem.fixed[at].any():
+        return "control free of error is not searched for gross errors"
+    sigma = problem.known_sigma.copy()
+    sigma[at] = np.nan
+    try:
+        check_datum(replace(problem, known_sigma=sigma), state)
+    except NotComputableError:
+        return "without them the others do not hold the block"
+    in_plan = len(whole_control(problem)) < _FEWEST
+    return "without them nothing checks the others" if in_plan and len(points) <= _FEWEST else ""
 
 
 def agreed_places(

@@ -101,12 +101,8 @@ def price_of(
 
     Parameters
     ----------
-    problem
-        The bundle, with all observations.
-    state
-        The block adjusted without those that are out.
-    out
-        The observations that are out.
+    problem, state, out
+        As `exchanged_control` has them.
     each
         The price of one by itself.
     cofactors

@@ -24,9 +24,7 @@ from anaplot.adjustment.cleaning import (
 )
 from anaplot.adjustment.findings import SearchSettings
 from anaplot.adjustment.pairodds import MOST_ROWS_OF_PAIRS
-from anaplot.adjustment.scale import (
-    ScaleError,
-)
+from anaplot.adjustment.scale import ScaleError
 from anaplot.adjustment.significance import critical_normal
 from anaplot.adjustment.strategies import STRATEGIES
 from anaplot.adjustment.watch import Watch
@@ -68,7 +66,7 @@ from anaplot.bundle.solve.problem import Problem, make_problem
 from anaplot.bundle.solve.remade import among_points, without_points
 from anaplot.bundle.solve.selection import FAR_APART
 from anaplot.bundle.solve.structure import make_structure
-from anaplot.bundle.start.controlremark import control_bends, control_remark, told_of_control
+from anaplot.bundle.start.controlremark import WithoutControl, told_of_control
 from anaplot.bundle.start.robust import robust_state
 from anaplot.errors import InputError
 from anaplot.photogrammetry.block import Block
@@ -347,10 +345,10 @@ def block_gross_errors(
         )
     except ScaleError as error:
         start = first.state if first.robust is None else first.robust.state
-        remark = control_remark(first.problem, start)
-        if remark is not None:
-            raise ScaleError(f"{error.doubt}; but {remark.text}") from error
-        if not control_bends(first.problem, start):
+        without = WithoutControl(first.problem, start)
+        if without.remark is not None:
+            raise ScaleError(f"{error.doubt}; but {without.remark.text}") from error
+        if not without.agree:
             raise
         cleaning = replace(cleaning, as_given=True)
         end, far, against, places = _best_end(
@@ -369,7 +367,7 @@ def block_gross_errors(
     misnamed = misnamed_rays(cleaned, rejected, watch)
     exchanged = exchanged_control(every, end.solved.solution.state, end.out - held)
     if exchanged:
-        remark = control_remark(every, end.solved.solution.state)
+        remark = WithoutControl(every, end.solved.solution.state).remark
         # of what was tried, what explains less
         likely = end.score + critical_normal(used.alpha) ** 2
         less = [place.points for place in places if place.score >= likely]

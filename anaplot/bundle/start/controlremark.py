@@ -6,7 +6,7 @@ The free network of the photos, in which control has no influence, tells.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import NamedTuple
+from functools import cached_property
 
 import numpy as np
 
@@ -21,16 +21,10 @@ from anaplot.bundle.start.absolute import turn_onto
 from anaplot.bundle.start.freenetwork import free_network
 from anaplot.bundle.start.robust import no_minimum_error
 from anaplot.errors import NotComputableError
-from anaplot.photogrammetry.exchangedpoints import INTERCHANGED, likely_exchange
+from anaplot.photogrammetry.exchangedpoints import INTERCHANGED, ControlRemark, likely_exchange
 from anaplot.photogrammetry.similarity import robust_similarity
 
-__all__ = [
-    "ControlRemark",
-    "control_bends",
-    "control_remark",
-    "told_of_control",
-    "unsolved_error",
-]
+__all__ = ["WithoutControl", "told_of_control", "unsolved_error"]
 
 _MIRRORED = "control is the mirror image of what the photos show"
 
@@ -42,64 +36,74 @@ _TOGETHER = 0.9  # length of the mean direction in which photos look that are ta
 _SMALL = 10_000  # rays of a block of which a wrong control point bends nearly all
 
 
-class ControlRemark(NamedTuple):
-    """What is wrong with control as a whole.
-
-    Attributes
-    ----------
-    text
-        A sentence.
-    exchanged
-        Two control points that are exchanged, or several such pairs of which one is; none: control
-        is the mirror image.
-    """
-
-    text: str
-    exchanged: tuple[tuple[str, str], ...] = ()
-
-
-def control_remark(problem: Problem, start: BlockState) -> ControlRemark | None:
-    """Say what is wrong with control as a whole; None where nothing is.
-
-    That it is the mirror image of what the photos show: no rotation makes one of the other, and
-    adjusted together they tear the block anywhere. Control in one plane fits both. Or that two
-    control points are exchanged: one mistake, but of four control points two others are left, and
-    these hold no block. Where less than four are known in all coordinates, those known in plan are
-    asked below photos that look down together.
+class WithoutControl:
+    """What the photos alone say of control; their free network is adjusted where it is asked for.
 
     Parameters
     ----------
     problem, start
         The bundle, and where the free network begins.
     """
-    if problem.defect or len(_known(problem, plan=True)) < _FEWEST:
-        return None
-    try:
-        free, bare = free_network(problem, start, anew=True)
-    except (NotComputableError, np.linalg.LinAlgError):
-        return None
-    at = {point: k for k, point in enumerate(free.points)}
-    known = {name: xyz for name, xyz in _known(problem, plan=False).items() if name in at}
-    if len(known) < _FEWEST:
-        plan = {name: xyz for name, xyz in _known(problem, plan=True).items() if name in at}
-        return _exchanged_in_plan(bare, plan, [at[name] for name in plan])
-    ground = np.array(list(known.values()), dtype=float)
-    ground -= ground.mean(axis=0)
-    network = bare.points[[at[name] for name in known]]
-    by_itself, by_mirror = (_misfit(side * network, ground) for side in (1.0, -1.0))
-    if by_mirror * _CLEARLY < by_itself:
-        return ControlRemark(
-            f"{_MIRRORED}: mirrored it fits to {by_mirror:.2g} m, else to {by_itself:.2g} m; does y"
-            " of the images point down, are x and y, or X and Y, exchanged, or does Z point down?"
+
+    def __init__(self, problem: Problem, start: BlockState) -> None:
+        self._problem, self._start = problem, start
+
+    @cached_property
+    def _network(self) -> tuple[Problem, BlockState] | None:
+        try:
+            return free_network(self._problem, self._start, anew=True)
+        except (NotComputableError, np.linalg.LinAlgError):
+            return None
+
+    @cached_property
+    def remark(self) -> ControlRemark | None:
+        """What is wrong with control as a whole; None where nothing is.
+
+        That it is the mirror image of what the photos show: no rotation makes one of the other, and
+        adjusted together they tear the block anywhere. Control in one plane fits both. Or that two
+        control points are exchanged: one mistake, but of four control points two others are left,
+        and these hold no block. Where less than four are known in all coordinates, those known in
+        plan are asked below photos that look down together.
+        """
+        problem = self._problem
+        if problem.defect or len(_known(problem, plan=True)) < _FEWEST or self._network is None:
+            return None
+        free, bare = self._network
+        at = {point: k for k, point in enumerate(free.points)}
+        known = {name: xyz for name, xyz in _known(problem, plan=False).items() if name in at}
+        if len(known) < _FEWEST:
+            plan = {name: xyz for name, xyz in _known(problem, plan=True).items() if name in at}
+            return _exchanged_in_plan(bare, plan, [at[name] for name in plan])
+        ground = np.array(list(known.values()), dtype=float)
+        ground -= ground.mean(axis=0)
+        network = bare.points[[at[name] for name in known]]
+        by_itself, by_mirror = (_misfit(side * network, ground) for side in (1.0, -1.0))
+        if by_mirror * _CLEARLY < by_itself:
+            return ControlRemark(
+                f"{_MIRRORED}: mirrored it fits to {by_mirror:.2g} m, else to {by_itself:.2g} m; "
+                "does y of the images point down, are x and y, or X and Y, exchanged, or does Z "
+                "point down?"
+            )
+        return likely_exchange(
+            list(known),
+            network,
+            ground,
+            "the photos",
+            lambda fitted: look_up(free, fitted.rotation @ bare.rotations),
         )
-    exchanged = likely_exchange(
-        list(known),
-        network,
-        ground,
-        "the photos",
-        lambda fitted: look_up(free, fitted.rotation @ bare.rotations),
-    )
-    return None if exchanged is None else ControlRemark(exchanged.text, exchanged.pairs)
+
+    @property
+    def agree(self) -> bool:
+        """Whether the photos agree with their a-priori sigma: else it is control that bends them.
+
+        A height at one of four or five corners bends a whole block, all residuals of it alike.
+        """
+        problem = self._problem
+        if problem.defect or len(problem.photo) > _SMALL or self._network is None:
+            return False
+        free, bare = self._network
+        vtpv, usual = objective(free, bare)[0], float(free.redundancy)
+        return usual / _IN_SCALE**2 <= vtpv <= usual * _IN_SCALE**2
 
 
 def _known(problem: Problem, *, plan: bool) -> dict[str, tuple[float | None, ...]]:
@@ -124,43 +128,22 @@ def _exchanged_in_plan(
     ground = np.array([(*xyz[:2], 0.0) for xyz in known.values()], dtype=float)
     ground -= ground.mean(axis=0)
     network[:, 2] = 0.0
-    exchanged = likely_exchange(
+    return likely_exchange(
         list(known), network, ground, "the photos", lambda fitted: fitted.rotation[2, 2] < 0.0
     )
-    return None if exchanged is None else ControlRemark(exchanged.text, exchanged.pairs)
 
 
 def told_of_control(warnings: Iterable[str]) -> str | None:
-    """Return what `control_remark` has said, of the warnings about a block; None: nothing."""
+    """Return what `WithoutControl` has said, of the warnings about a block; None: nothing."""
     told = (one for one in warnings if one.startswith(_MIRRORED) or INTERCHANGED in one)
     return next(told, None)
-
-
-def control_bends(problem: Problem, start: BlockState) -> bool:
-    """Return whether only control makes residuals in the images too large, all of them alike.
-
-    A height at one of four or five corners bends a whole block; its photos alone agree.
-
-    Parameters
-    ----------
-    problem, start
-        The bundle, and where the free network begins.
-    """
-    if problem.defect or len(problem.photo) > _SMALL:
-        return False
-    try:
-        free, bare = free_network(problem, start, anew=True)
-    except (NotComputableError, np.linalg.LinAlgError):
-        return False
-    vtpv, usual = objective(free, bare)[0], float(free.redundancy)
-    return usual / _IN_SCALE**2 <= vtpv <= usual * _IN_SCALE**2
 
 
 def unsolved_error(
     problem: Problem, structure: Structure, start: BlockState, state: BlockState | None = None
 ) -> NotComputableError:
     """Return `no_minimum_error`, or where control is wrong as a whole, the error that says so."""
-    remark = control_remark(problem, start)
+    remark = WithoutControl(problem, start).remark
     if remark is None:
         return no_minimum_error(problem, structure, start, state)
     return NoConvergenceError(
