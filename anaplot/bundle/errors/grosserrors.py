@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import NamedTuple, cast
 
 import numpy as np
@@ -334,15 +334,16 @@ def block_gross_errors(
         first=first.kept if whole else None,
     )
     cleaning = Cleaning(subject, strategy, used, watch, as_given)
+    best_end = partial(
+        _best_end, subject=subject, first=first, second=second, held=held, complete=complete
+    )
     told = told_of_control(first.warnings)
     if second is not None or begun.left_out:
         told = what_is_wrong(every, first.state, None) or told
     try:
         if cleaning.by_apriori and not control_only and told is None:
             check_common_scale(subject, first, used.alpha)
-        end, far, against, places = _best_end(
-            cleaning, subject, first, second, held, complete=complete
-        )
+        end, far, against, places = best_end(cleaning)
     except ScaleError as error:
         start = first.state if first.robust is None else first.robust.state
         without = WithoutControl(first.problem, start)
@@ -350,10 +351,7 @@ def block_gross_errors(
             raise ScaleError(f"{error.doubt}; but {without.remark.text}") from error
         if not without.agree:
             raise
-        cleaning = replace(cleaning, as_given=True)
-        end, far, against, places = _best_end(
-            cleaning, subject, first, second, held, complete=complete
-        )
+        end, far, against, places = best_end(replace(cleaning, as_given=True))
     found = end.solved.solution.found
     if found is None:
         cleaned = first.whole()
