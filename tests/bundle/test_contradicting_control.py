@@ -13,9 +13,10 @@ from hypothesis import strategies as st
 
 from anaplot.adjustment.watch import Watch
 from anaplot.bundle.adjust import adjust_block
-from anaplot.bundle.errors.blockrows import BlockPlace, BlockRows
+from anaplot.bundle.errors.blockplace import BlockPlace
+from anaplot.bundle.errors.blockrows import BlockRows
 from anaplot.bundle.errors.controlagreed import contradicted
-from anaplot.bundle.errors.exchangedcontrol import exchanged_control
+from anaplot.bundle.errors.exchangedcontrol import exchanged_control, price_of
 from anaplot.bundle.errors.grosserrors import block_gross_errors
 from anaplot.bundle.solve.problem import make_problem
 from anaplot.bundle.solve.structure import make_structure
@@ -137,6 +138,18 @@ def test_interchanged_control_is_one_mistake() -> None:
     # one of them alone, or beside another, is not interchanged
     assert exchanged_control(problem, state, coordinates(f"{a}.X", f"{a}.Y", f"{c}.X")) == ()
     assert subject.price(coordinates(f"{a}.X", f"{c}.X"), at, 10.0) == 20.0
+    # of a height that the other does not have nothing says that it is the other's
+    control = tuple(
+        replace(point, xyz=(*point.xyz[:2], None), sigma=(*point.sigma[:2], None))
+        if point.point == b
+        else point
+        for point in wrong.block.control
+    )
+    plan = make_problem(replace(wrong.block, control=control))
+    with_height = out | coordinates(f"{a}.Z")
+    (pair,) = exchanged_control(plan, state, with_height)
+    assert (set(pair.points), pair.coordinates) == ({a, b}, with_height)
+    assert price_of(plan, at, with_height, 10.0) == 20.0
     # where each lies where it is said to be, neither is
     assert exchanged_control(make_problem(right.block), state, out) == ()
 

@@ -150,18 +150,39 @@ def test_two_of_five_are_out_and_the_block_is_upright(pair: tuple[str, str], rel
     assert "explains as much" not in remark
 
 
+def plan_and_heights(control: tuple[ControlPoint, ...], plan: int) -> tuple[ControlPoint, ...]:
+    """Return control of which the first points are known in plan only, the others in height."""
+    return (
+        *(
+            replace(row, xyz=(*row.xyz[:2], None), sigma=(SIGMA, SIGMA, None))
+            for row in control[:plan]
+        ),
+        *(
+            replace(row, xyz=(None, None, row.xyz[2]), sigma=(None, None, SIGMA))
+            for row in control[plan:]
+        ),
+    )
+
+
 @pytest.mark.parametrize("strategy", ["search", pytest.param("baarda", marks=pytest.mark.slow)])
 def test_two_of_four_points_known_in_plan_are_named(strategy: str) -> None:
     # the two others hold a block, 3.5 km off: nothing checked it
     scene = scene_with(("p8", "p22"), "p8", "p22", "p11", "p29", "p3", "p14", "p27", relief=40.0)
-    plan, heights = scene.block.control[:4], scene.block.control[4:]
-    control = (
-        *(replace(row, xyz=(*row.xyz[:2], None), sigma=(SIGMA, SIGMA, None)) for row in plan),
-        *(replace(row, xyz=(None, None, row.xyz[2]), sigma=(None, None, SIGMA)) for row in heights),
-    )
+    control = plan_and_heights(scene.block.control, 4)
     named = r"control point p8 and control point p22 interchanged\? With .* all 4 agree"
     with pytest.raises(NotComputableError, match=named):
         block_gross_errors(replace(scene.block, control=control), strategy)
+
+
+def test_two_of_more_points_known_in_plan_are_out_and_named() -> None:
+    plan, heights = ("p8", "p22", "p11", "p29", "p18"), ("p3", "p14", "p27")
+    scene = scene_with(("p8", "p22"), *plan, *heights, relief=40.0)
+    block = replace(scene.block, control=plan_and_heights(scene.block.control, len(plan)))
+    cleaned = block_gross_errors(block, "search")
+    assert {one.name[1] for one in cleaned.rejected if one.name[0] == "control"} == {"p8", "p22"}
+    assert off_by(scene, cleaned) < 1.0
+    (remark,) = (one for one in cleaned.remarks if "interchanged?" in one)
+    assert set(remark.split()[2:5:2]) == {"p8", "p22"}
 
 
 def test_of_what_a_half_turn_explains_as_well_both_are_told() -> None:

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
-
 import numpy as np
 
 from anaplot.adjustment.cleaning import SolvedWithout
@@ -12,6 +9,7 @@ from anaplot.adjustment.scale import AprioriSigma
 from anaplot.adjustment.watch import Watch
 from anaplot.adjustment.withoutrows import WithoutRows
 from anaplot.aliases import Array, Bools
+from anaplot.bundle.errors.blockplace import BlockPlace
 from anaplot.bundle.errors.exchangedcontrol import price_of
 from anaplot.bundle.errors.laterresiduals import AllRows, LaterResiduals, left_open
 from anaplot.bundle.errors.leftout import without
@@ -20,74 +18,20 @@ from anaplot.bundle.errors.snooping import model_values
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.datum import check_datum
 from anaplot.bundle.solve.factor import NotPositiveError
-from anaplot.bundle.solve.gaussnewton import (
-    Convergence,
-    Minimum,
-    NoConvergenceError,
-    equations_at,
-    find_minimum,
-)
+from anaplot.bundle.solve.gaussnewton import Minimum, NoConvergenceError, find_minimum
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.normal import PointError
 from anaplot.bundle.solve.observations import ObservationName, Observations
 from anaplot.bundle.solve.problem import Problem
-from anaplot.bundle.solve.reliability import Cofactors, compute_cofactors
 from anaplot.bundle.solve.residuals import block_residuals, residuals_at
 from anaplot.bundle.solve.structure import Structure
 from anaplot.errors import NotComputableError
 
-__all__ = ["MOST_ROWS_AS_ONE", "BlockPlace", "BlockRows"]
+__all__ = ["MOST_ROWS_AS_ONE", "BlockRows"]
 
 
 MOST_ROWS_AS_ONE = 10_000
 """Observations of a block up to which its rows are cleaned as one, not apart."""
-
-
-@dataclass(frozen=True, eq=False)
-class BlockPlace:
-    """Where a block lies, and of a minimum what its equations are made of.
-
-    Attributes
-    ----------
-    state
-        Where it lies.
-    reduced, structure, convergence
-        The bundle whose minimum that is, the structure of its equations, and how it was found; None
-        where the place was given.
-    """
-
-    state: BlockState
-    reduced: Problem | None = None
-    structure: Structure | None = None
-    convergence: Convergence | None = None
-
-    @classmethod
-    def of(cls, found: Minimum) -> BlockPlace:
-        """Return the place of a minimum."""
-        normal = found.normal
-        place = cls(found.state, normal.problem, normal.structure, found.convergence)
-        vars(place)["found"] = found
-        return place
-
-    @cached_property
-    def found(self) -> Minimum | None:
-        """The minimum, its equations made anew where they were let go; None: it was given."""
-        if self.reduced is None or self.structure is None or self.convergence is None:
-            return None
-        equations = equations_at(self.reduced, self.structure, self.state)
-        return Minimum(self.state, *equations, self.convergence)
-
-    @cached_property
-    def cofactors(self) -> Cofactors | None:
-        """Those of the minimum, in the datum of the solution; None where it was given."""
-        if self.found is None:
-            return None
-        return compute_cofactors(self.found.normal, self.found.factor)
-
-    def let_go(self) -> None:
-        """Let go of what is as large as the block: it can be made anew."""
-        for name in ("found", "cofactors"):
-            vars(self).pop(name, None)
 
 
 class BlockRows:
@@ -207,7 +151,7 @@ class BlockRows:
 
     def price(self, out: frozenset[ObservationName], at: BlockPlace, each: float) -> float:
         """Return what they cost: two control points that were interchanged are one mistake."""
-        return price_of(self.problem, at.state, out, each, lambda: at.cofactors)
+        return price_of(self.problem, at, out, each)
 
     def astray(self, error: NotComputableError) -> bool:
         """Whether there was no minimum to be found."""

@@ -15,7 +15,7 @@ import numpy as np
 
 from anaplot.adjustment.significance import critical_normal
 from anaplot.aliases import Array, Bools, Index, Progress
-from anaplot.bundle.errors.blockrows import BlockPlace
+from anaplot.bundle.errors.blockplace import BlockPlace
 from anaplot.bundle.errors.exchangedcontrol import price_of
 from anaplot.bundle.errors.wholecontrol import plan_control, whole_control
 from anaplot.bundle.solve.datum import check_datum
@@ -23,7 +23,6 @@ from anaplot.bundle.solve.gaussnewton import Minimum, find_minimum
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.observations import ObservationName
 from anaplot.bundle.solve.problem import Problem
-from anaplot.bundle.solve.reliability import Cofactors, compute_cofactors
 from anaplot.bundle.solve.structure import make_structure
 from anaplot.bundle.start.approximate import laid_onto_control
 from anaplot.bundle.start.controlremark import WithoutControl
@@ -241,12 +240,10 @@ def agreed_places(
             try:
                 found = _adjusted(reduced, laid, progress)
                 place = BlockPlace.of(found)
-                cofactors = compute_cofactors(found.normal, found.factor)
-                wrong = _wrong(problem, found.state, cofactors, others, alpha)
+                wrong = _wrong(problem, place, others, alpha)
             except (NotComputableError, np.linalg.LinAlgError):
                 continue
-            each = critical_normal(alpha) ** 2
-            price = price_of(problem, found.state, wrong, each, cofactors)
+            price = price_of(problem, place, wrong, critical_normal(alpha) ** 2)
             if np.isfinite(loose):
                 place = BlockPlace(found.state)
             place.let_go()  # as large as the block
@@ -276,12 +273,14 @@ def _adjusted(reduced: Problem, laid: BlockState, progress: Progress | None) -> 
 
 
 def _wrong(
-    problem: Problem, state: BlockState, cofactors: Cofactors, others: Index, alpha: float
+    problem: Problem, place: BlockPlace, others: Index, alpha: float
 ) -> frozenset[ObservationName]:
     """Return the coordinates of control that a block without it says are wrong.
 
     By the difference over its standard deviation, that of control and of the point together.
     """
+    state, cofactors = place.state, place.cofactors
+    assert cofactors is not None  # a minimum has them
     variance = np.einsum("nii->ni", cofactors.points)[others]
     off: Array = state.points[others] + state.origin - problem.known[others]
     sigma = np.sqrt(variance + problem.known_sigma[others] ** 2)

@@ -5,16 +5,15 @@ That is one mistake, however many coordinates it makes wrong.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
-from anaplot.bundle.errors.wholecontrol import whole_control
+from anaplot.bundle.errors.blockplace import BlockPlace
+from anaplot.bundle.errors.wholecontrol import plan_control
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.observations import ObservationName
 from anaplot.bundle.solve.problem import Problem
-from anaplot.bundle.solve.reliability import Cofactors
 from anaplot.bundle.solve.upright import look_up
 
 __all__ = ["ExchangedControl", "exchanged_control", "price_of"]
@@ -72,10 +71,12 @@ def exchanged_control(
             coordinates.setdefault(str(name[1]), set()).add(name)
     if len(coordinates) < 2:
         return ()
-    at = [k for point, k in whole_control(problem).items() if point in coordinates]
+    at = [k for point, k in plan_control(problem).items() if point in coordinates]
     known, found = problem.known[at], state.points[at] + state.origin
-    apart = np.linalg.norm(known[:, None] - known, axis=2)
-    off = np.linalg.norm(found[:, None] - known, axis=2)
+    # in space where both heights are known, else in plan
+    common = problem.controlled[at][:, None] & problem.controlled[at]
+    apart = np.linalg.norm(np.where(common, known[:, None] - known, 0.0), axis=2)
+    off = np.linalg.norm(np.where(common, found[:, None] - known, 0.0), axis=2)
     there = (off <= _NEAR * apart) & (apart > 0.0)
     found_pairs = []
     for i, j in np.argwhere(np.triu(there & there.T)).tolist():
@@ -88,47 +89,47 @@ def exchanged_control(
 
 
 def price_of(
-    problem: Problem,
-    state: BlockState,
-    out: frozenset[ObservationName],
-    each: float,
-    cofactors: Cofactors | Callable[[], Cofactors | None],
+    problem: Problem, place: BlockPlace, out: frozenset[ObservationName], each: float
 ) -> float:
     """Return what observations that are out cost.
 
     Two control points that are interchanged cost one, and what their coordinates miss the other's
-    place by; photos that look up at their points cost three.
+    place by, where the other has them; photos that look up at their points cost three.
 
     Parameters
     ----------
-    problem, state, out
+    problem, out
         As `exchanged_control` has them.
+    place
+        The block adjusted without those that are out.
     each
         The price of one by itself.
-    cofactors
-        Those of the block there, or what returns them where they are asked for; None where nobody
-        knows them.
     """
     price = each * len(out)
-    for pair in exchanged_control(problem, state, out):
-        known = cofactors() if callable(cofactors) else cofactors
-        misses = 0.0 if known is None else _misses(problem, state, pair, known)
-        price -= max(0.0, each * (len(pair.coordinates) - 1) - misses)
-    if look_up(problem, state.rotations):
+    for pair in exchanged_control(problem, place.state, out):
+        exchanged, square = _misses(problem, place, pair)
+        price -= max(0.0, each * (exchanged - 1) - square)
+    if look_up(problem, place.state.rotations):
         price += each * _UPSIDE_DOWN
     return price
 
 
-def _misses(
-    problem: Problem, state: BlockState, pair: ExchangedControl, cofactors: Cofactors
-) -> float:
-    """Sum of squares, in sigmas, of what coordinates that are out miss the other's place by."""
-    at = whole_control(problem)
+def _misses(problem: Problem, place: BlockPlace, pair: ExchangedControl) -> tuple[int, float]:
+    """Return what coordinates that are out miss the other's place by: how many, sum of squares.
+
+    In sigmas; 0 at a place that was given. A coordinate that the other does not have is none.
+    """
+    at = plan_control(problem)
     here = np.array([at[point] for point in pair.points])
     out = np.array(
         [[("control", one, axis) in pair.coordinates for axis in "XYZ"] for one in pair.points]
     )
+    out &= problem.controlled[here[::-1]]
+    cofactors = place.cofactors
+    if cofactors is None:
+        return int(out.sum()), 0.0
+    state = place.state
     off = (state.points[here] + state.origin - problem.known[here[::-1]])[out]
     variance = np.einsum("nii->ni", cofactors.points)[here]
     variance = variance + np.nan_to_num(problem.known_sigma[here[::-1]]) ** 2
-    return float((off**2 / variance[out]).sum())
+    return int(out.sum()), float((off**2 / variance[out]).sum())

@@ -30,7 +30,8 @@ from anaplot.adjustment.strategies import STRATEGIES
 from anaplot.adjustment.watch import Watch
 from anaplot.bundle.adjust import evaluate, points_settled
 from anaplot.bundle.errors.before import BlockBefore
-from anaplot.bundle.errors.blockrows import BlockPlace, BlockRows
+from anaplot.bundle.errors.blockplace import BlockPlace
+from anaplot.bundle.errors.blockrows import BlockRows
 from anaplot.bundle.errors.blockscale import check_common_scale, check_scale_at
 from anaplot.bundle.errors.controlagreed import (
     AgreedPlace,
