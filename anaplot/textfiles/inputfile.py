@@ -14,7 +14,7 @@ from pathlib import Path
 from anaplot.errors import InputError
 from anaplot.textfiles.wording import place, reason
 
-__all__ = ["decoded", "not_utf8", "open_input", "read_bytes", "read_text"]
+__all__ = ["check_regular", "decoded", "not_utf8", "open_input", "read_bytes", "read_text"]
 
 # A named pipe that took the file's name meanwhile is opened at once, and then refused.
 _FLAGS: int = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
@@ -121,9 +121,16 @@ class _Bounded(io.RawIOBase):
         super().close()
 
 
+def check_regular(path: Path, status: os.stat_result) -> None:
+    """Refuse what is no file: a folder, a pipe, a device; raises InputError."""
+    if stat.S_ISREG(status.st_mode):
+        return
+    what = "a folder, not a file" if stat.S_ISDIR(status.st_mode) else "not a regular file"
+    raise InputError(f"{place(path)}: {what}")
+
+
 def _check(path: Path, status: os.stat_result, max_bytes: int) -> None:
-    if not stat.S_ISREG(status.st_mode):
-        raise InputError(f"{place(path)}: not a regular file")
+    check_regular(path, status)
     if status.st_size > max_bytes:
         size, limit = _size(status.st_size), _size(max_bytes)
         raise InputError(f"{place(path)}: {size}, more than {limit} is not read")

@@ -7,6 +7,7 @@ import stat
 from pathlib import Path
 
 from anaplot.errors import InputError
+from anaplot.textfiles.inputfile import check_regular
 from anaplot.textfiles.wording import place
 
 __all__ = ["check_own", "is_same", "open_own"]
@@ -60,8 +61,7 @@ def is_same(path: Path, descriptor: int) -> bool:
 def _check(path: Path, status: os.stat_result) -> None:
     if stat.S_ISLNK(status.st_mode):
         raise InputError(f"{place(path)}: a link to another file, which is not written to")
-    if not stat.S_ISREG(status.st_mode):
-        raise InputError(f"{place(path)}: not a regular file")
+    check_regular(path, status)
     if status.st_nlink > 1:
         raise InputError(
             f"{place(path)}: the file has another name too (a hard link) and is not written to"

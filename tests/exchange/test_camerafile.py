@@ -334,7 +334,7 @@ def test_what_is_wrong_in_the_camera_file_is_named_there(make_camera_block):
     ):
         read_block(make_camera_block('file = "rmk.toml"', broken))
     folder = make_camera_block('file = "."')
-    with pytest.raises(InputError, match="not a regular file"):
+    with pytest.raises(InputError, match="a folder, not a file"):
         read_block(folder)
 
 

@@ -248,8 +248,8 @@ def test_sums_beyond_the_largest_value_are_refused(tmp_path: Path) -> None:
 
 def test_only_regular_files_keep_runs(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
-    for path in (tmp_path / "pipe", tmp_path):
-        with pytest.raises(InputError, match="not a regular file"):
+    for path, what in ((tmp_path / "pipe", "not a regular file"), (tmp_path, "a folder, not a")):
+        with pytest.raises(InputError, match=what):
             kept_in(path)
 
 

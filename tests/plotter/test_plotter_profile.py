@@ -191,7 +191,7 @@ def test_unknown_name_and_missing_file(tmp_path):
         load_profile("simulatd")
     with pytest.raises(InputError, match="file not found"):
         load_profile(tmp_path / "none.toml")
-    with pytest.raises(InputError, match="not a regular file"):
+    with pytest.raises(InputError, match="a folder, not a file"):
         load_profile(tmp_path)
 
 

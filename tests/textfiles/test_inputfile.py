@@ -72,6 +72,14 @@ def test_a_named_pipe_is_refused_and_not_waited_for(reader, tmp_path):
 
 
 @pytest.mark.parametrize("reader", READERS.values(), ids=READERS.keys())
+def test_a_folder_is_called_one(reader, tmp_path):
+    folder = tmp_path / "folder.toml"
+    folder.mkdir()
+    with pytest.raises(InputError, match=r": a folder, not a file$|holds no journal"):
+        reader(folder)
+
+
+@pytest.mark.parametrize("reader", READERS.values(), ids=READERS.keys())
 def test_twenty_gigabytes_of_zeros_are_refused_by_their_size(reader, tmp_path):
     sparse = tmp_path / "zeros.toml"
     with sparse.open("wb") as file:
