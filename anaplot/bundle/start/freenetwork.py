@@ -21,6 +21,9 @@ from anaplot.errors import NotComputableError
 __all__ = ["free_network", "from_free_network"]
 
 
+_TRIES = 40  # steps: a robust solution lies next to the minimum, or there is none
+
+
 def free_network(
     problem: Problem, start: BlockState, progress: Progress | None = None, *, anew: bool = False
 ) -> tuple[Problem, BlockState]:
@@ -71,7 +74,8 @@ def _solution(
     solution = robust_state(free, structure, start)
     if foreseen_torn(free, structure, solution):
         return solution.state, True
-    return find_minimum(free, solution.state, structure, progress=progress).state, False
+    found = find_minimum(free, solution.state, structure, tries=_TRIES, progress=progress)
+    return found.state, False
 
 
 def _solution_anew(free: Problem, progress: Progress | None) -> tuple[BlockState, bool] | None:
