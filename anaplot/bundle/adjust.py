@@ -32,7 +32,7 @@ from anaplot.bundle.start.halfrays import (
     without_doubtful,
 )
 from anaplot.bundle.start.pull import TORN
-from anaplot.bundle.start.robust import robust_suspects
+from anaplot.bundle.start.robustsuspects import robust_suspects
 from anaplot.bundle.start.stated import stated_remarks
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import Block

@@ -20,6 +20,7 @@ from anaplot.bundle.solve.additional import AdditionalParameters
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.datum import components
 from anaplot.bundle.solve.gaussnewton import find_minimum
+from anaplot.bundle.solve.knownvalues import DATUM, known_values
 from anaplot.bundle.solve.linearised import linearise, move, objective
 from anaplot.bundle.solve.problem import Datum, Problem, make_problem, remeasured
 from anaplot.errors import NotComputableError
@@ -28,7 +29,6 @@ from anaplot.photogrammetry.block import Block
 __all__ = ["LiveAnswer", "LiveBlock", "answer_of"]
 
 _CHORD_STEPS = 4
-_DATUM = 7  # shift, rotation and scale
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -216,6 +216,4 @@ def answer_of(
 
 def _hangs(problem: Problem) -> bool:
     """Whether fewer coordinates and angles are known than a datum has parameters."""
-    priors = (problem.ground_sigma, problem.position_sigma, problem.rotation_sigma)
-    known = int(problem.fixed.sum()) + sum(int(np.isfinite(sigma).sum()) for sigma in priors)
-    return known < _DATUM
+    return known_values(problem) < DATUM

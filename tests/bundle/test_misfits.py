@@ -19,7 +19,7 @@ from anaplot.bundle.errors.misfits import adjust_without_misfits
 from anaplot.bundle.solve.additional import additional_parameters
 from anaplot.bundle.solve.gaussnewton import NoConvergenceError
 from anaplot.bundle.solve.problem import make_problem
-from anaplot.bundle.start.robust import ADVICE
+from anaplot.bundle.start.robustsuspects import ADVICE
 from anaplot.cli import main
 from anaplot.errors import NotComputableError
 from anaplot.exchange.blockfolder import write_control, write_image_points, write_new_block

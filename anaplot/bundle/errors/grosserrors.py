@@ -25,7 +25,7 @@ from anaplot.adjustment.cleaning import (
 from anaplot.adjustment.findings import SearchSettings
 from anaplot.adjustment.pairodds import MOST_ROWS_OF_PAIRS
 from anaplot.adjustment.scale import ScaleError
-from anaplot.adjustment.significance import critical_normal
+from anaplot.adjustment.significance import TESTABLE, critical_normal
 from anaplot.adjustment.strategies import STRATEGIES
 from anaplot.adjustment.watch import Watch
 from anaplot.bundle.adjust import evaluate, points_settled
@@ -204,6 +204,19 @@ class BlockFindings(Cleaned[BlockPlace, ObservationName, AllRows]):
         block = self.block
         return hardly_checked_photos(block.problem, block.state, self.out, self.rays_of_points)
 
+    @cached_property
+    def unchecked_control(self) -> tuple[str, ...]:
+        """Control points of which any may be wrong instead of what is out: nothing checks them.
+
+        As many coordinates are left as hold the block. None where a point has none out.
+        """
+        out = [str(name[1]) for name in self.out if name[0] == "control" and name not in self.held]
+        rows = self.block.control_rows()
+        if not out or self.block.problem.fixed.any() or any(row.r >= TESTABLE for row in rows):
+            return ()
+        points = {*out, *(row.key[1] for row in rows)}
+        return tuple(row.point for row in self.block.problem.block.control if row.point in points)
+
     @property
     def remarks(self) -> tuple[str, ...]:
         """Sentences: what limited the search, and photos or control that is wrong as a whole."""
@@ -213,6 +226,11 @@ class BlockFindings(Cleaned[BlockPlace, ObservationName, AllRows]):
             self.of_control is None or self.exchanged or self.of_control in self.block.warnings
         ):
             said.append(self.of_control)
+        if self.unchecked_control:
+            said.append(
+                "without what is rejected nothing checks control any more: any of "
+                f"{', '.join(self.unchecked_control)} may be what is wrong"
+            )
         for photos, are_more in (
             (self.photo_losses, "lose as many"),
             (self.hardly_checked, "are checked as little"),

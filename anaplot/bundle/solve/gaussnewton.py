@@ -77,13 +77,13 @@ class NoConvergenceError(NotComputableError):
     ----------
     reason
         The text without advice.
-    state
+    state, advice
         As above.
     """
 
     def __init__(self, text: str, state: BlockState, advice: str = "") -> None:
         super().__init__(f"{text}; {advice}" if advice else text)
-        self.reason, self.state = text, state
+        self.reason, self.state, self.advice = text, state, advice
 
 
 class Convergence(NamedTuple):

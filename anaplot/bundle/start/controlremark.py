@@ -19,7 +19,7 @@ from anaplot.bundle.solve.structure import Structure
 from anaplot.bundle.solve.upright import look_up
 from anaplot.bundle.start.absolute import turn_onto
 from anaplot.bundle.start.freenetwork import free_network
-from anaplot.bundle.start.robust import no_minimum_error
+from anaplot.bundle.start.robustsuspects import no_minimum_error
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.exchangedpoints import INTERCHANGED, ControlRemark, likely_exchange
 from anaplot.photogrammetry.similarity import robust_similarity

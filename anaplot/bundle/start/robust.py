@@ -9,46 +9,39 @@ import numpy as np
 
 from anaplot.aliases import Array, Bools, Progress
 from anaplot.bundle.solve.datum import anchor
-from anaplot.bundle.solve.factor import NotPositiveError
-from anaplot.bundle.solve.gaussnewton import NoConvergenceError, damped_step
+from anaplot.bundle.solve.gaussnewton import damped_step
 from anaplot.bundle.solve.imaging import BlockState, RobustPlace
 from anaplot.bundle.solve.linearised import (
-    Linearised,
     beside_misclosures,
     counted_misclosures,
     linearise,
     move,
     objective,
 )
-from anaplot.bundle.solve.normal import NormalEquations, PointError
-from anaplot.bundle.solve.openmovement import held_by_noise, undetermined
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.structure import Structure
 from anaplot.bundle.start.placedagain import placed_again
 from anaplot.bundle.start.resection import resect
 from anaplot.bundle.start.subblock import SubBlock, intersect_rays, rays_of_photos, unit_rays
-from anaplot.errors import NotComputableError
 
 __all__ = [
-    "ADVICE",
+    "FAR",
     "OFF",
     "OF_A_PHOTO",
+    "ClearestSolution",
     "FarOff",
     "RobustState",
-    "RobustSuspect",
     "Waiting",
+    "clearest_solution",
     "far_off",
-    "no_minimum_error",
     "reoriented",
     "robust_state",
-    "robust_suspects",
+    "with_fixed",
 ]
 
 
-ADVICE = (
-    "remeasure what is named or switch it off (use = off), or let --errors search begin without it"
-)
-"""What to do where measurements that disagree are named."""
+FAR = 10.0
+"""Times what measurements are off in the median: so far off is a suspect."""
 
 OFF = 20.0
 """Sigmas by which a ray or control is off."""
@@ -60,153 +53,12 @@ _DAMPING = 1e-3  # of the first step
 _FIRM = 1e-6  # of it where many rays hold every photo
 _ROBUST = 1e-4  # of n: squared change of the whitened residuals where robust steps end
 _STEPS = 12
-_AGREED = "where most measurements agree, sigma0 is"
 _RESECTED = 30  # photos that are resected at most when a culprit is looked for
 _FEW = 200  # rays of which one may be off in any case
 _SCATTERED = 0.05  # of the redundancy: coordinates that may be off, scattered over the photos
 _TRUE = 1e-3  # of c: right orientations miss by less, in the median
 _WRONG = 0.45  # share of its rays off that a photo of a wrong solution has, at least
 _AGREE = 0.1  # of the redundancy: coordinates that may be off where all others agree
-_FAR = 10.0  # times what measurements are off in the median: so far off is a suspect
-
-
-def no_minimum_error(
-    problem: Problem, structure: Structure, start: BlockState, state: BlockState | None = None
-) -> NotComputableError:
-    """Return the error with the reason why `find_minimum` finds nothing.
-
-    It names what is not determined, or only by the noise of the measurements; else the observations
-    farthest from a robust solution. How good the best state is, what fits worst there and what to
-    try is said with it.
-
-    Parameters
-    ----------
-    problem, structure, start
-        As `find_minimum` had them.
-    state
-        The best that it reached; None: the start, which is a robust solution.
-    """
-    clearest = _clearest(problem, structure, RobustPlace(start))
-    # where gross errors have bent the start, it is seen without them
-    for at in (start, _with_fixed(problem, clearest.state)):
-        by_noise = held_by_noise(problem, structure, at)
-        if by_noise is not None:
-            # not final: without what is far off there may be a minimum all the same
-            return NoConvergenceError(by_noise, start)
-    tie = anchor(problem, start) if problem.defect else None
-    best = start if state is None else state
-    linear = linearise(problem, best)
-    open_part: NotComputableError | None = None
-    try:
-        weights = None if tie is None else tie.weights
-        NormalEquations(problem, structure, linear, 0.0, weights).factor()
-    except (PointError, NotPositiveError) as error:
-        open_part = undetermined(problem, structure, linear, tie, error)
-    worst = _suspects(problem, clearest)
-    if not worst and open_part is not None:
-        return open_part
-    said = [f"block {problem.block.name}: no solution found"]
-    if worst:
-        others = "".join(f"; then {suspect.what}" for suspect in worst[1:3])
-        said[0] += f": {worst[0].what} disagrees by {worst[0].size} with all others{others}"
-    said.append(
-        _fit(problem, linear, "the best state has sigma0" if state is not None else _AGREED)
-    )
-    if open_part is not None:
-        said.append(f"there {str(open_part).removeprefix(f'block {problem.block.name}: ')}")
-    if not worst:
-        said.append(
-            "look at these, or state where the photos are ([[photo]] position and rotation)"
-        )
-    return NoConvergenceError("; ".join(said), start, ADVICE if worst else "")
-
-
-def _fit(problem: Problem, linear: Linearised, where: str) -> str:
-    """Say how well a state fits, and name the rays that fit worst there."""
-    size = np.linalg.norm(linear.e * problem.sigma_xy, axis=1)
-    order = np.argsort(-np.nan_to_num(size, nan=np.inf), kind="stable")[:3]
-    sigma0 = np.sqrt(linear.vtpv / max(problem.redundancy, 1))
-    named = ", ".join(
-        f"{problem.points[problem.point[k]]} in {problem.photos[problem.photo[k]]} "
-        f"({size[k]:.3g} mm)"
-        for k in order.tolist()
-    )
-    return f"{where} {sigma0:.3g}, the worst rays {named}"
-
-
-class RobustSuspect(NamedTuple):
-    """A measurement far from a robust solution.
-
-    Attributes
-    ----------
-    what
-        "point P in photo F", "control point P" or "the stated position of photo F".
-    size
-        How far it is off, with its unit.
-    times
-        The same, in units of what the measurements of its kind are off in the median.
-    """
-
-    what: str
-    size: str
-    times: float
-
-
-def robust_suspects(
-    problem: Problem, structure: Structure, start: RobustPlace
-) -> list[RobustSuspect]:
-    """Return the measurements that a robust adjustment leaves far off, the worst first.
-
-    As `robust_state`; where that leaves many rays off, photos that fit badly are resected to the
-    points of the others first.
-
-    Parameters
-    ----------
-    problem, structure, start
-        The bundle, and where the robust steps begin.
-    """
-    return _suspects(problem, _clearest(problem, structure, start))
-
-
-def _suspects(problem: Problem, clearest: _Clearest) -> list[RobustSuspect]:
-    """Return what a robust solution leaves far off, the worst first."""
-    image, control, priors, expected = clearest.misfits
-    held = clearest.held
-    found = []
-    scale = clearest.misfits.ray_scale(problem)
-    rays = np.bincount(problem.point, minlength=len(problem.points))
-    bad = np.bincount(problem.point[image > _FAR * scale], minlength=len(problem.points))
-    named: set[str] = set()
-    for k in np.argsort(-image, kind="stable")[:20].tolist():
-        p = int(problem.point[k])
-        photo, point = problem.photos[problem.photo[k]], problem.points[p]
-        what = f"point {point} in photo {photo}"
-        if held[p].any() and rays[p] == 1:
-            # a single ray and control contradict each other: nothing tells which is wrong
-            what = f"control point {point} or {what}"
-        elif held[p].any() and bad[p] > rays[p] // 2:
-            what = f"control point {point}"
-        if what in named:
-            continue
-        named.add(what)
-        found.append(RobustSuspect(what, f"{image[k]:.3g} mm", image[k] / scale))
-    if held.any():
-        scale = clearest.misfits.control_scale(held, clearest.least)
-        for k in np.argsort(-control, kind="stable")[:10].tolist():
-            what = f"control point {problem.points[k]}"
-            if what in named:
-                continue
-            found.append(RobustSuspect(what, f"{control[k]:.3g} m", control[k] / scale))
-    scale = clearest.misfits.prior_scale()
-    for k, group in np.argwhere(priors > _FAR * scale).tolist():
-        what = f"the stated {('position', 'rotation')[group]} of photo {problem.photos[k]}"
-        found.append(RobustSuspect(what, f"{priors[k, group]:.3g} sigma", priors[k, group] / scale))
-    for k in np.flatnonzero(expected > _FAR * scale).tolist():
-        what = f"the prior of point {problem.points[k]}"
-        found.append(RobustSuspect(what, f"{expected[k]:.3g} sigma", expected[k] / scale))
-    found = [suspect for suspect in found if suspect.times > _FAR]
-    found.sort(key=lambda suspect: -suspect.times)
-    return found
 
 
 class FarOff(NamedTuple):
@@ -239,17 +91,17 @@ def far_off(problem: Problem, structure: Structure, start: RobustPlace) -> FarOf
     problem, structure, start
         As `robust_suspects` has them.
     """
-    clearest = _clearest(problem, structure, start)
+    clearest = clearest_solution(problem, structure, start)
     misfits, held = clearest.misfits, clearest.held
     control = np.zeros(len(problem.points), dtype=bool)
     if held.any():
-        far = misfits.control > _FAR * misfits.control_scale(held, clearest.least)
+        far = misfits.control > FAR * misfits.control_scale(held, clearest.least)
         control = held.any(axis=1) & far
-    reach = _FAR * misfits.ray_scale(problem)
+    reach = FAR * misfits.ray_scale(problem)
     rays = misfits.image > reach
-    limit = _FAR * misfits.prior_scale()
+    limit = FAR * misfits.prior_scale()
     priors, expected = misfits.priors > limit, misfits.expected > limit
-    return FarOff(_with_fixed(problem, clearest.state), rays, control, priors, expected, reach)
+    return FarOff(with_fixed(problem, clearest.state), rays, control, priors, expected, reach)
 
 
 class _Misfits(NamedTuple):
@@ -279,7 +131,7 @@ class _Misfits(NamedTuple):
         return max(float(np.median(off)), 1.0) if len(off) else 1.0
 
 
-class _Clearest(NamedTuple):
+class ClearestSolution(NamedTuple):
     """A robust solution; held and least as `_robust` returns them."""
 
     state: BlockState
@@ -288,7 +140,9 @@ class _Clearest(NamedTuple):
     misfits: _Misfits
 
 
-def _clearest(problem: Problem, structure: Structure, start: RobustPlace) -> _Clearest:
+def clearest_solution(
+    problem: Problem, structure: Structure, start: RobustPlace
+) -> ClearestSolution:
     """Return the robust solution that leaves fewest rays off, with and without new orientations."""
     if start.settled:
         state, (held, least) = start.state, _control(problem, start.state)
@@ -307,7 +161,7 @@ def _clearest(problem: Problem, structure: Structure, start: RobustPlace) -> _Cl
         others = _misfits(problem, held, again)
         if _off(problem, others.image) < _off(problem, misfits.image):
             state, misfits = again, others
-    return _Clearest(state, held, least, misfits)
+    return ClearestSolution(state, held, least, misfits)
 
 
 class RobustState(NamedTuple):
@@ -457,7 +311,7 @@ def robust_state(
     contradicted = contradict > np.maximum(rays // 2, 1)
     known = held.any(axis=1)
     return RobustState(
-        _with_fixed(problem, state),
+        with_fixed(problem, state),
         float(np.median(image)),
         int(rays_off.sum()),
         int((off & known).sum()),
@@ -468,7 +322,7 @@ def robust_state(
     )
 
 
-def _with_fixed(problem: Problem, state: BlockState) -> BlockState:
+def with_fixed(problem: Problem, state: BlockState) -> BlockState:
     """Return the state with the values of coordinates free of error."""
     points = np.where(problem.fixed, problem.known - state.origin, state.points)
     return replace(state, points=points)
