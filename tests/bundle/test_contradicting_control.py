@@ -172,6 +172,34 @@ def test_a_search_says_where_it_leaves_control_that_nothing_checks() -> None:
     assert cleaned.unchecked_control == ()
 
 
+@pytest.mark.parametrize(
+    ("kind", "seed", "which", "found"),
+    [
+        # 12 and 6 m off, without a word
+        ("strip", 1, 3, False),
+        pytest.param("block", 0, 4, False, marks=pytest.mark.slow),
+        pytest.param("block", 0, 3, True, marks=pytest.mark.slow),
+    ],
+)
+def test_what_explains_as_much_as_rejected_control_is_told(
+    kind: str, seed: int, which: int, found: bool
+) -> None:
+    # two points in all coordinates, one in plan, two heights: a redundancy of three, one of heights
+    scene, _ = scene_of(kind, seed, 5)
+    known = []
+    for one, axes in zip(scene.block.control, ("XYZ", "XYZ", "XY", "Z", "Z"), strict=True):
+        xyz = tuple(v if a in axes else None for a, v in zip("XYZ", one.xyz, strict=True))
+        known.append(replace(one, xyz=xyz, sigma=tuple(None if v is None else 0.05 for v in xyz)))
+    wrong = known[which]
+    known[which] = replace(wrong, xyz=(None, None, wrong.xyz[2] + 5.0))
+    cleaned = block_gross_errors(replace(scene.block, control=tuple(known)), "search")
+    ((rejected, others),) = cleaned.control_instead.items()
+    assert (wrong.point == rejected) == found
+    assert wrong.point in {rejected, *others}
+    (told,) = (remark for remark in cleaned.remarks if "explains as much" in remark)
+    assert told.startswith(f"instead of control point {rejected} it may be {others[0]}")
+
+
 @pytest.mark.slow
 def test_what_a_search_cannot_leave_out_is_to_be_measured_again() -> None:
     # "let --errors search begin without it", said a search

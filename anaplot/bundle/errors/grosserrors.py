@@ -62,6 +62,7 @@ from anaplot.bundle.errors.wholecontrol import whole_control
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.gaussnewton import Minimum
 from anaplot.bundle.solve.imaging import RobustPlace
+from anaplot.bundle.solve.knownvalues import DATUM, as_likely_wrong, known_values
 from anaplot.bundle.solve.observations import ObservationName
 from anaplot.bundle.solve.problem import Problem, make_problem
 from anaplot.bundle.solve.remade import among_points, without_points
@@ -206,16 +207,41 @@ class BlockFindings(Cleaned[BlockPlace, ObservationName, AllRows]):
 
     @cached_property
     def unchecked_control(self) -> tuple[str, ...]:
-        """Control points of which any may be wrong instead of what is out: nothing checks them.
+        """Control points of which any may be wrong instead of what is out: too little checks them.
 
-        As many coordinates are left as hold the block. None where a point has none out.
+        As many coordinates are left as hold the block, or one more, and another point out as a
+        whole may explain the same. None where no control is out.
         """
         out = [str(name[1]) for name in self.out if name[0] == "control" and name not in self.held]
-        rows = self.block.control_rows()
-        if not out or self.block.problem.fixed.any() or any(row.r >= TESTABLE for row in rows):
+        problem, rows = self.block.problem, self.block.control_rows()
+        if not out or problem.fixed.any():
             return ()
-        points = {*out, *(row.key[1] for row in rows)}
-        return tuple(row.point for row in self.block.problem.block.control if row.point in points)
+        hardly = known_values(problem) <= DATUM + 1
+        points = set(as_likely_wrong(problem.every) if hardly else ())
+        if all(row.r < TESTABLE for row in rows):
+            points.update(str(row.key[1]) for row in rows)
+        points.update(out if points else ())
+        return tuple(row.point for row in problem.block.control if row.point in points)
+
+    @cached_property
+    def control_instead(self) -> dict[str, tuple[str, ...]]:
+        """For control points with coordinates out, others of which one explains as much.
+
+        Out in place of it, a coordinate whose residual has the correlation rho with its leaves
+        (1 - rho^2) w^2 more of v'Pv.
+        """
+        limit = critical_normal(self.settings.alpha) ** 2
+        square = {
+            one.name: (one.error / one.sigma) ** 2
+            for one in self.rejected
+            if one.name[0] == "control" and one.error is not None and one.sigma
+        }
+        found: dict[str, dict[str, None]] = {}
+        for out, kept, rho in self.hard_to_tell:
+            other = out in square and kept[0] == "control" and kept[1] != out[1]
+            if other and square[out] * (1.0 - rho * rho) < limit:
+                found.setdefault(str(out[1]), {})[str(kept[1])] = None
+        return {point: tuple(others) for point, others in found.items()}
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -228,9 +254,15 @@ class BlockFindings(Cleaned[BlockPlace, ObservationName, AllRows]):
             said.append(self.of_control)
         if self.unchecked_control:
             said.append(
-                "without what is rejected nothing checks control any more: any of "
+                "without what is rejected next to nothing checks control: any of "
                 f"{', '.join(self.unchecked_control)} may be what is wrong"
             )
+        else:
+            said += [
+                f"instead of control point {point} it may be {' or '.join(others)} that is wrong: "
+                "that explains as much"
+                for point, others in self.control_instead.items()
+            ]
         for photos, are_more in (
             (self.photo_losses, "lose as many"),
             (self.hardly_checked, "are checked as little"),
