@@ -20,9 +20,9 @@ from anaplot.bundle.solve.additional import AdditionalParameters
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.datum import components
 from anaplot.bundle.solve.gaussnewton import find_minimum
-from anaplot.bundle.solve.knownvalues import DATUM, known_values
+from anaplot.bundle.solve.knownvalues import known_values
 from anaplot.bundle.solve.linearised import linearise, move, objective
-from anaplot.bundle.solve.problem import Datum, Problem, make_problem, remeasured
+from anaplot.bundle.solve.problem import SEVEN, Datum, Problem, make_problem, remeasured
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import Block
 
@@ -216,4 +216,4 @@ def answer_of(
 
 def _hangs(problem: Problem) -> bool:
     """Whether fewer coordinates and angles are known than a datum has parameters."""
-    return known_values(problem) < DATUM
+    return known_values(problem) < SEVEN

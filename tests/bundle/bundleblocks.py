@@ -124,6 +124,15 @@ def make_scene(
     )
 
 
+def known_in(one: ControlPoint, axes: str) -> ControlPoint:
+    """Return a control point of which nothing is known along the other axes."""
+    return replace(
+        one,
+        xyz=tuple(v if a in axes else None for a, v in zip("XYZ", one.xyz, strict=True)),
+        sigma=tuple(s if a in axes else None for a, s in zip("XYZ", one.sigma, strict=True)),
+    )
+
+
 def off_by(scene: Scene, cleaned: BlockFindings) -> float:
     """Return by how much the worst projection centre is off [m]."""
     state = cleaned.block.state

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import startkinds
-from bundleblocks import Scene, off_by
+from bundleblocks import Scene, known_in, off_by
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -186,10 +186,10 @@ def test_what_explains_as_much_as_rejected_control_is_told(
 ) -> None:
     # two points in all coordinates, one in plan, two heights: a redundancy of three, one of heights
     scene, _ = scene_of(kind, seed, 5)
-    known = []
-    for one, axes in zip(scene.block.control, ("XYZ", "XYZ", "XY", "Z", "Z"), strict=True):
-        xyz = tuple(v if a in axes else None for a, v in zip("XYZ", one.xyz, strict=True))
-        known.append(replace(one, xyz=xyz, sigma=tuple(None if v is None else 0.05 for v in xyz)))
+    known = [
+        known_in(replace(one, sigma=(0.05,) * 3), axes)
+        for one, axes in zip(scene.block.control, ("XYZ", "XYZ", "XY", "Z", "Z"), strict=True)
+    ]
     wrong = known[which]
     known[which] = replace(wrong, xyz=(None, None, wrong.xyz[2] + 5.0))
     cleaned = block_gross_errors(replace(scene.block, control=tuple(known)), "search")
@@ -242,10 +242,7 @@ def test_interchanged_control_is_one_mistake() -> None:
     assert subject.price(coordinates(f"{a}.X", f"{c}.X"), at, 10.0) == 20.0
     # of a height that the other does not have nothing says that it is the other's
     control = tuple(
-        replace(point, xyz=(*point.xyz[:2], None), sigma=(*point.sigma[:2], None))
-        if point.point == b
-        else point
-        for point in wrong.block.control
+        known_in(point, "XY") if point.point == b else point for point in wrong.block.control
     )
     plan = make_problem(replace(wrong.block, control=control))
     with_height = out | coordinates(f"{a}.Z")

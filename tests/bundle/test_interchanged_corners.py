@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bundleblocks import Scene, aerial, off_by
+from bundleblocks import Scene, aerial, known_in, off_by
 
 from anaplot.bundle.adjust import adjust_block, adjust_problem
 from anaplot.bundle.errors.grosserrors import block_gross_errors
@@ -152,16 +152,7 @@ def test_two_of_five_are_out_and_the_block_is_upright(pair: tuple[str, str], rel
 
 def plan_and_heights(control: tuple[ControlPoint, ...], plan: int) -> tuple[ControlPoint, ...]:
     """Return control of which the first points are known in plan only, the others in height."""
-    return (
-        *(
-            replace(row, xyz=(*row.xyz[:2], None), sigma=(SIGMA, SIGMA, None))
-            for row in control[:plan]
-        ),
-        *(
-            replace(row, xyz=(None, None, row.xyz[2]), sigma=(None, None, SIGMA))
-            for row in control[plan:]
-        ),
-    )
+    return tuple(known_in(row, "XY" if k < plan else "Z") for k, row in enumerate(control))
 
 
 @pytest.mark.parametrize("strategy", ["search", pytest.param("baarda", marks=pytest.mark.slow)])

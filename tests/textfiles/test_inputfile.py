@@ -71,12 +71,13 @@ def test_a_named_pipe_is_refused_and_not_waited_for(reader, tmp_path):
         reader(pipe)
 
 
-@pytest.mark.parametrize("reader", READERS.values(), ids=READERS.keys())
-def test_a_folder_is_called_one(reader, tmp_path):
+# a journal may be named by its folder
+@pytest.mark.parametrize("name", [name for name in READERS if name != "journal"])
+def test_a_folder_is_called_one(name, tmp_path):
     folder = tmp_path / "folder.toml"
     folder.mkdir()
-    with pytest.raises(InputError, match=r": a folder, not a file$|holds no journal"):
-        reader(folder)
+    with pytest.raises(InputError, match=r": a folder, not a file$"):
+        READERS[name](folder)
 
 
 @pytest.mark.parametrize("reader", READERS.values(), ids=READERS.keys())

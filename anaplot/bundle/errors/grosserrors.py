@@ -62,9 +62,9 @@ from anaplot.bundle.errors.wholecontrol import whole_control
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.gaussnewton import Minimum
 from anaplot.bundle.solve.imaging import RobustPlace
-from anaplot.bundle.solve.knownvalues import DATUM, as_likely_wrong, known_values
+from anaplot.bundle.solve.knownvalues import as_likely_wrong, known_values
 from anaplot.bundle.solve.observations import ObservationName
-from anaplot.bundle.solve.problem import Problem, make_problem
+from anaplot.bundle.solve.problem import SEVEN, Problem, make_problem
 from anaplot.bundle.solve.remade import among_points, without_points
 from anaplot.bundle.solve.selection import FAR_APART
 from anaplot.bundle.solve.structure import make_structure
@@ -212,11 +212,11 @@ class BlockFindings(Cleaned[BlockPlace, ObservationName, AllRows]):
         As many coordinates are left as hold the block, or one more, and another point out as a
         whole may explain the same. None where no control is out.
         """
-        out = [str(name[1]) for name in self.out if name[0] == "control" and name not in self.held]
+        out = [str(name[1]) for name in self.out if name[0] == "control"]
         problem, rows = self.block.problem, self.block.control_rows()
         if not out or problem.fixed.any():
             return ()
-        hardly = known_values(problem) <= DATUM + 1
+        hardly = known_values(problem) <= SEVEN + 1
         points = set(as_likely_wrong(problem.every) if hardly else ())
         if all(row.r < TESTABLE for row in rows):
             points.update(str(row.key[1]) for row in rows)

@@ -15,7 +15,7 @@ from anaplot.bundle.solve.conditionscale import ScaleOfConditions
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.linearised import BesideRays, beside_rays
 from anaplot.bundle.solve.offsetequations import best_offsets
-from anaplot.bundle.solve.problem import Problem, listed
+from anaplot.bundle.solve.problem import SEVEN, Problem, listed
 from anaplot.bundle.solve.reliability import DatumChange
 from anaplot.bundle.solve.sorting import distinct
 from anaplot.errors import NotComputableError
@@ -316,7 +316,7 @@ def priors_hold(problem: Problem) -> bool:
         positions[-count:] = own.root @ positions[-count:]
     rows = np.vstack((positions.reshape(-1, 7), turns[turned], of_offsets))
     # the weakest combination of the seven has the standard deviation 1 / singular value
-    return len(rows) >= 7 and float(np.linalg.svd(rows, compute_uv=False)[-1]) * _LOOSE > 1.0
+    return len(rows) >= SEVEN and float(np.linalg.svd(rows, compute_uv=False)[-1]) * _LOOSE > 1.0
 
 
 def _beside_stated_offsets(problem: Problem, photos: Array) -> tuple[Array, Array]:

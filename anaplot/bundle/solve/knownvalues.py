@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from anaplot.bundle.solve.problem import Problem
+from anaplot.bundle.solve.problem import SEVEN, Problem
 
-__all__ = ["DATUM", "as_likely_wrong", "control_in_words", "known_values"]
-
-DATUM = 7
-"""Shift, rotation and scale."""
+__all__ = ["as_likely_wrong", "known_values"]
 
 
 def known_values(problem: Problem) -> int:
@@ -27,11 +24,5 @@ def as_likely_wrong(problem: Problem) -> list[str]:
     if problem.defect or problem.given is not None or problem.conditions is not None:
         return []
     own = problem.controlled.sum(axis=1)
-    alike = (own > 0) & (known_values(problem) - own <= DATUM)
+    alike = (own > 0) & (known_values(problem) - own <= SEVEN)
     return [problem.points[k] for k in np.flatnonzero(alike).tolist()]
-
-
-def control_in_words(point: str, alike: list[str]) -> str:
-    """Return "control point A", or with it those that are `as_likely_wrong`."""
-    *others, last = alike if point in alike else [point]
-    return f"control point {', '.join(others)} or {last}" if others else f"control point {last}"

@@ -36,12 +36,12 @@ from anaplot.photogrammetry.imagepoints import columns_of
 from anaplot.photogrammetry.pointcolumns import PointColumns
 from anaplot.photogrammetry.rotation import rotation_matrix
 
-__all__ = ["Datum", "LeftOut", "Problem", "listed", "make_problem", "of_rays", "remeasured"]
+__all__ = ["SEVEN", "Datum", "Problem", "listed", "make_problem", "of_rays", "remeasured"]
 
 Datum = Literal["control", "minimal", "free"]
 
+SEVEN = 7  # coordinates that a datum needs: shift, rotation and scale
 _WIDE = 0.1  # of the distance of control: standard deviation of a prior that places nothing
-_SEVEN = 7  # coordinates that a datum needs
 _FULL_CONTROL = 3
 
 
@@ -258,7 +258,7 @@ class Problem:
         if int(full.sum()) >= _FULL_CONTROL:
             return self.known
         expected = self.expected
-        if int(full.sum()) == _FULL_CONTROL - 1 and int(np.isfinite(self.known).sum()) >= _SEVEN:
+        if int(full.sum()) == _FULL_CONTROL - 1 and int(np.isfinite(self.known).sum()) >= SEVEN:
             extent = float(np.ptp(self.known[full], axis=0).max())
             expected = np.where(self.expected_sigma < _WIDE * extent, expected, np.nan)
         return np.where(np.isfinite(self.known), self.known, expected)

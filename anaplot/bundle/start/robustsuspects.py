@@ -10,7 +10,7 @@ from anaplot.bundle.solve.datum import anchor
 from anaplot.bundle.solve.factor import NotPositiveError
 from anaplot.bundle.solve.gaussnewton import NoConvergenceError
 from anaplot.bundle.solve.imaging import BlockState, RobustPlace
-from anaplot.bundle.solve.knownvalues import as_likely_wrong, control_in_words
+from anaplot.bundle.solve.knownvalues import as_likely_wrong
 from anaplot.bundle.solve.linearised import Linearised, linearise
 from anaplot.bundle.solve.normal import NormalEquations, PointError
 from anaplot.bundle.solve.openmovement import held_by_noise, undetermined
@@ -154,7 +154,7 @@ def _suspects(problem: Problem, clearest: ClearestSolution) -> list[RobustSuspec
             # a single ray and control contradict each other: nothing tells which is wrong
             what = f"control point {point} or {what}"
         elif held[p].any() and bad[p] > rays[p] // 2:
-            what, several = control_in_words(point, alike), point in alike
+            what, several = _control_in_words(point, alike), point in alike
         if what in named:
             continue
         named.add(what)
@@ -163,7 +163,7 @@ def _suspects(problem: Problem, clearest: ClearestSolution) -> list[RobustSuspec
         scale = clearest.misfits.control_scale(held, clearest.least)
         for k in np.argsort(-control, kind="stable")[:10].tolist():
             point = problem.points[k]
-            what, several = control_in_words(point, alike), point in alike
+            what, several = _control_in_words(point, alike), point in alike
             if what in named:
                 continue
             named.add(what)
@@ -178,3 +178,9 @@ def _suspects(problem: Problem, clearest: ClearestSolution) -> list[RobustSuspec
     found = [suspect for suspect in found if suspect.times > FAR]
     found.sort(key=lambda suspect: -suspect.times)
     return found
+
+
+def _control_in_words(point: str, alike: list[str]) -> str:
+    """Return "control point A", or with it those that are `as_likely_wrong`."""
+    *others, last = alike if point in alike else [point]
+    return f"control point {', '.join(others)} or {last}" if others else f"control point {last}"
