@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 
 import numpy as np
 
 from anaplot.adjustment.hypothesis import critical_f
 from anaplot.adjustment.reliability import SPUR
+from anaplot.adjustment.tested import Observation
 from anaplot.bundle.errors.suspects import ImageCoordinate, Suspect, likeliest_suspects
 from anaplot.bundle.errors.wrongray import SuspectRay, suspect_rays_of
-from anaplot.bundle.solve.adjusted import AdjustedBlock
+from anaplot.bundle.solve.adjusted import AdjustedBlock, observation_in_words
 from anaplot.bundle.solve.externalreliability import MOST_RAYS, external_reliability
 from anaplot.bundle.solve.networkscale import scale_deviation
 from anaplot.bundle.solve.observations import ObservationName
 from anaplot.bundle.solve.parametercorrelations import parameter_correlations, parameter_matrix
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.rulesofthumb import RulesOfThumb, rules_of_thumb
+from anaplot.bundle.solve.uncheckedvalues import unchecked_values
 from anaplot.photogrammetry.groundsystem import GroundSystem
 from anaplot.report.adjusttables import (
     check_table,
@@ -107,7 +109,7 @@ def adjust_document(
             axes.setdefault(int(block.problem.source[ray]), []).append("xy"[axis])
     image_points = image_point_table(block, external, axes)
     rules = rules_of_thumb(block)
-    suspects = likeliest_suspects(block)
+    suspects, unchecked = likeliest_suspects(block), unchecked_values(block)
     accused = suspect_rays_of(block, (point for _, _, point, _ in block.suspects()))
     ground = block.problem.block.ground
     answer = {
@@ -128,6 +130,7 @@ def adjust_document(
         "spurs": [
             {"photo": photo, "point": point, "axis": axis} for photo, point, axis in block.spurs()
         ],
+        "unchecked": [_unchecked(one) for one in unchecked],
         "suspects": [_suspect(one) for one in suspects],
         "accused": {point: [ray._asdict() for ray in rays] for point, rays in accused.items()},
         "off": off,
@@ -319,7 +322,7 @@ def _summary(
         lines += _suspects(block, suspects, accused)
     elif block.critical is not None:
         lines.append(say("  no image coordinate is flagged"))
-    return [*lines, *_others_flagged(block), *_spurs(block)]
+    return [*lines, *_others_flagged(block), *_spurs(block), *_unchecked_lines(answer["unchecked"])]
 
 
 def others_flagged(block: AdjustedBlock) -> list[tuple[float, str, str]]:
@@ -474,6 +477,28 @@ def _spurs(block: AdjustedBlock) -> list[Block]:
             "is" if len(spurs) == 1 else "are",
         ),
         say("    {}", named([say("{}:{} {}", *spur) for spur in spurs], _MOST, " ...")).folded(4),
+    ]
+
+
+def _unchecked(value: Observation[ObservationName]) -> Answer:
+    what, kind = observation_in_words(value.key)
+    return {"what": what, "kind": kind, "mdb": value.mdb}
+
+
+def _unchecked_lines(unchecked: Sequence[Answer]) -> list[Block]:
+    """Say which given lengths next to nothing checks."""
+    if not unchecked:
+        return []
+    shown = [
+        say("{what} ({mdb:.5g|m|none})", what=one["what"], mdb=one["mdb"]) for one in unchecked
+    ]
+    return [
+        say(
+            "  {} {} checked by next to nothing (smallest detectable errors):",
+            counted(len(unchecked), "given value"),
+            "is" if len(unchecked) == 1 else "are",
+        ),
+        say("    {}", named(shown, _MOST, " ...")).folded(4),
     ]
 
 

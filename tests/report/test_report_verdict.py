@@ -249,6 +249,26 @@ def test_of_a_free_datum_its_scale_is_open_and_given_points_are_compared(planned
     )
 
 
+def test_control_that_only_holds_the_block_is_told_as_unchecked(planned: Block) -> None:
+    first, *_, last = planned.control
+    other = next(row for row in planned.control if row.xyz[0] == first.xyz[0] and row != first)
+    height = replace(other, xyz=(None, None, other.xyz[2]), sigma=(None, None, 0.05))
+    whole = [replace(row, sigma=(0.05,) * 3) for row in (first, last)]
+    block = noisy(replace(planned, control=(*whole, height)))
+    _, _, unchecked, _, _ = said(block)
+    names = [row.point for row in (*whole, height)]
+    assert f"given coordinates of 3 points ({', '.join(names)})" in unchecked
+    found = anaplot.adjust(block)
+    told = found.document.answer["unchecked"]
+    assert [one["what"] for one in told] == [
+        f"{axis} of control point {point}"
+        for point, axes in zip(names, ("XYZ", "XYZ", "Z"), strict=True)
+        for axis in axes
+    ]
+    assert {one["mdb"] for one in told} == {None}
+    assert "7 given values are checked by next to nothing" in page_text(found.document.page)
+
+
 def test_check_points_are_told_beside_the_accuracy(planned: Block) -> None:
     control = tuple(
         replace(row, use="check", xyz=(*row.xyz[:2], 3.0), sigma=(0.05, 0.05, 0.05))

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
-from anaplot.bundle.solve.adjusted import AdjustedBlock
+from anaplot.bundle.solve.adjusted import AdjustedBlock, observation_in_words
+from anaplot.bundle.solve.uncheckedvalues import unchecked_values
 from anaplot.report.adjustdocument import (
     ALARM,
     datum_words,
@@ -149,10 +150,14 @@ def _rejected(found: BlockAdjustment) -> Line:
 
 def _spurs(block: AdjustedBlock) -> Line:
     spurs = block.spurs()
-    if not spurs:
-        return say("no image coordinate")
-    shown = named([say("{}:{} {}", *spur) for spur in spurs], 4)
-    return say("{}: {}", counted(len(spurs), "image coordinate"), shown).of("remark")
+    values = [observation_in_words(one.key)[0] for one in unchecked_values(block)]
+    line = say("no image coordinate")
+    if spurs:
+        shown = named([say("{}:{} {}", *spur) for spur in spurs], 4)
+        line = say("{}: {}", counted(len(spurs), "image coordinate"), shown)
+    if values:
+        line += say("; {}", named(values, 4))
+    return line.of("remark") if spurs or values else line
 
 
 def accuracy_section(document: Document, summary: Mapping[str, Table]) -> Section:

@@ -13,6 +13,7 @@ import numpy as np
 from anaplot.adjustment.tested import sigma0_known
 from anaplot.bundle.errors.suspects import Suspect
 from anaplot.bundle.solve.adjusted import AdjustedBlock, observation_in_words
+from anaplot.bundle.solve.uncheckedvalues import unchecked_values
 from anaplot.report.adjustdocument import ALARM, DATUM
 from anaplot.report.blockadjustment import BlockAdjustment
 from anaplot.report.columns import counted
@@ -218,11 +219,16 @@ def _unchecked(found: BlockAdjustment, status: BlockStatus, free: Line | None) -
     spurs = len(block.spurs())
     if spurs:
         lines.append(say("{} that nothing checks", counted(spurs, "image coordinate")))
-    bare = [one.part.point for one in tested_parts(found) if one.part.verdict is None]
-    if bare:
-        points = list(dict.fromkeys(bare))
+    given = [one.part.point for one in tested_parts(found) if one.part.verdict is None]
+    values = [one.key for one in unchecked_values(block)]
+    given += [str(point) for kind, point, *_ in values if kind in ("control", "point prior")]
+    if given:
+        points = list(dict.fromkeys(given))
         shown = named(points, _FEW)
         lines.append(say("given coordinates of {} ({})", counted(len(points), "point"), shown))
+    held = [observation_in_words(key)[0] for key in values if key[0] in ("prior", "condition")]
+    if held:
+        lines.append(say("{}", named(held, _FEW)))
     two = points_of_two_photos(block)
     if two:
         lines.append(say("along the rays {} of two photos alone", counted(two, "point")))
