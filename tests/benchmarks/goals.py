@@ -183,7 +183,7 @@ def main(given: list[str]) -> int:
     options = parser.parse_args(given)
     if options.list:
         for name, goal in GOALS.items():
-            print(f"{name:14}{goal.title}{'   (when named)' if goal.large else ''}")
+            print(f"{name:15}{goal.title}{'   (when named)' if goal.large else ''}")
         return 0
     # whoever runs a program has its bytecode: compiling is measured nowhere
     compileall.compile_dir(HERE.parents[1] / "anaplot", quiet=1)
@@ -210,14 +210,14 @@ def measured(row: str, folder: Path, scratch: Path, repeat: int) -> bool:
     if goal.tells:
         return least.code == 0
     if any(used.code for used in runs):
-        print(f"{row:14}{goal.title}: exit code {max(used.code for used in runs)}", flush=True)
+        print(f"{row:15}{goal.title}: exit code {max(used.code for used in runs)}", flush=True)
         return False
     figures = [
         wanted(least.seconds, goal.seconds, "s"),
         wanted(least.seconds / one, goal.units, "units"),
         wanted(least.megabytes, goal.megabytes, "MB"),
     ]
-    print(f"{row:14}{goal.title:43}{''.join(figures)}   unit {one:.3f} s", flush=True)
+    print(f"{row:15}{goal.title:43}{''.join(figures)}   unit {one:.3f} s", flush=True)
     return not any(figure.endswith("*") for figure in figures)
 
 
