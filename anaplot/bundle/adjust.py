@@ -313,6 +313,7 @@ def evaluate(
     vtpv = linear.vtpv
     sigma0 = sqrt(vtpv / redundancy) if redundancy > 0 else None
     doubt = doubt_of(linear.e, cofactors.r, problem.block.precision.image_um)
+    warnings, of_control = _warnings(problem, found, sigma0, robust, doubt)
     return AdjustedBlock(
         problem=problem,
         state=found.state,
@@ -321,8 +322,9 @@ def evaluate(
         vtpv=vtpv,
         redundancy=redundancy,
         v=linear.e,
-        warnings=tuple(_warnings(problem, found, sigma0, robust, doubt)),
+        warnings=tuple(warnings),
         robust=robust,
+        of_control=of_control,
     )
 
 
@@ -332,7 +334,8 @@ def _warnings(
     sigma0: float | None,
     robust: RobustPlace | None,
     doubt: SigmaDoubt | None,
-) -> list[str]:
+) -> tuple[list[str], str | None]:
+    """Return what is said of a solution, and of it what is wrong with control as a whole."""
     linear = found.normal.linear
     out = []
     behind = np.nonzero(linear.depth <= 0.0)[0]
@@ -346,20 +349,21 @@ def _warnings(
         out.append("no redundancy: nothing is checked")
     torn = sigma0 is not None and sigma0 > TORN
     start = RobustPlace(found.state) if robust is None else robust
-    of_control, without = None, WithoutControl(problem, start.state)
+    remark, without = None, WithoutControl(problem, start.state)
     # the free network takes about as long as the adjustment
     if torn or (len(problem.photo) <= _FEW_RAYS and not fits(problem, found)):
-        of_control = without.remark
-    if torn and (doubt is None or of_control is not None):
+        remark = without.remark
+    if torn and (doubt is None or remark is not None):
         worst = robust_suspects(problem, found.normal.structure, start)
         out.append(
             f"sigma0 is {sigma0:.0f} times what was expected: there are gross errors"
             + "".join(f"; {suspect.what} is off by {suspect.size}" for suspect in worst[:3])
         )
+    of_control = None if remark is None else remark.text
     if of_control is not None:
-        out.append(of_control.text)
+        out.append(of_control)
     elif doubt is not None:
         # control makes no residual smaller
         bent = doubt.factor > 1.0 and without.agree
         out.append(doubt.of_control if bent else str(doubt))
-    return out
+    return out, of_control

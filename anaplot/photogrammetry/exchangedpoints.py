@@ -12,10 +12,7 @@ import numpy as np
 from anaplot.aliases import Array
 from anaplot.photogrammetry.similarity import Similarity, closed_form
 
-__all__ = ["INTERCHANGED", "ControlRemark", "ExchangedPair", "exchanged_pairs", "likely_exchange"]
-
-INTERCHANGED = " interchanged? With their coordinates exchanged all "
-"""What is always said of `likely_exchange`."""
+__all__ = ["ControlRemark", "ExchangedPair", "exchanged_pairs", "likely_exchange"]
 
 _ALL_PAIRS = 40  # points of which every two are exchanged
 _AS_ONE = 0.2  # of what is left as they are: what two that were exchanged leave
@@ -135,7 +132,7 @@ def likely_exchange(
     if len(exchanged) > 1:
         said += ","
     return ControlRemark(
-        f"{said}{INTERCHANGED}{len(names)} agree with {of} to {likely[0].left:.2g} m, else to "
-        f"{as_they_are:.2g} m",
+        f"{said} interchanged? With their coordinates exchanged all {len(names)} agree with {of} "
+        f"to {likely[0].left:.2g} m, else to {as_they_are:.2g} m",
         exchanged,
     )

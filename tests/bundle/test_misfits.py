@@ -19,7 +19,6 @@ from anaplot.bundle.errors.misfits import adjust_without_misfits
 from anaplot.bundle.solve.additional import additional_parameters
 from anaplot.bundle.solve.gaussnewton import NoConvergenceError
 from anaplot.bundle.solve.problem import make_problem
-from anaplot.bundle.start.robustsuspects import ADVICE
 from anaplot.cli import main
 from anaplot.errors import NotComputableError
 from anaplot.exchange.blockfolder import write_control, write_image_points, write_new_block
@@ -59,7 +58,8 @@ def test_control_a_kilometre_off_is_found() -> None:
     with pytest.raises(NoConvergenceError, match="control point 01-01") as refused:
         adjust_block(block)
     found = block_gross_errors(block, "search", ALPHA)
-    assert f"{found.begun.reason}; {ADVICE}" == str(refused.value)
+    assert f"{found.begun.reason}; {refused.value.advice}" == str(refused.value)
+    assert refused.value.advice.endswith("or let --errors search begin without it")
     # what there was no solution with is looked at like all else: Y and Z have come back
     assert {name[1] for name in found.begun.left_out} == {"01-01"}
     assert ("01-01", "X") in rejected(found)

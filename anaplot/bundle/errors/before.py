@@ -25,7 +25,7 @@ class BlockBefore:
 
     Attributes
     ----------
-    problem, state, convergence, vtpv, redundancy, sigma0, v, warnings, robust
+    problem, state, convergence, vtpv, redundancy, sigma0, v, warnings, of_control, robust
         As `AdjustedBlock` has them.
     structure
         Of its normal equations.
@@ -48,6 +48,7 @@ class BlockBefore:
     r: Array = field(repr=False)
     deviations: Array = field(repr=False)
     warnings: tuple[str, ...]
+    of_control: str | None
     robust: RobustPlace | None = field(repr=False)
     kept: AdjustedBlock | None = field(repr=False)
 
@@ -66,6 +67,7 @@ class BlockBefore:
             block.cofactors.r,
             block.cofactors.point_deviations,
             block.warnings,
+            block.of_control,
             block.robust,
             block if keep else None,
         )

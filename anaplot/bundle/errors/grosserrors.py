@@ -68,7 +68,7 @@ from anaplot.bundle.solve.problem import SEVEN, Problem, make_problem
 from anaplot.bundle.solve.remade import among_points, without_points
 from anaplot.bundle.solve.selection import FAR_APART
 from anaplot.bundle.solve.structure import make_structure
-from anaplot.bundle.start.controlremark import WithoutControl, told_of_control
+from anaplot.bundle.start.controlremark import WithoutControl
 from anaplot.bundle.start.robust import robust_state
 from anaplot.errors import InputError
 from anaplot.photogrammetry.block import Block
@@ -388,7 +388,7 @@ def block_gross_errors(
     best_end = partial(
         _best_end, subject=subject, first=first, second=second, held=held, complete=complete
     )
-    told = told_of_control(first.warnings)
+    told = first.of_control
     if second is not None or begun.left_out:
         told = what_is_wrong(every, first.state, None) or told
     try:

@@ -36,7 +36,7 @@ from anaplot.bundle.start.bestminimum import Ahead, fits
 from anaplot.bundle.start.halfrays import met_planes
 from anaplot.bundle.start.pointknowledge import WIDE, equations_knowing
 from anaplot.bundle.start.robust import FarOff, RobustState, far_off
-from anaplot.bundle.start.robustsuspects import ADVICE
+from anaplot.bundle.start.robustsuspects import without_search
 from anaplot.errors import NotComputableError
 
 __all__ = [
@@ -54,7 +54,6 @@ _TELL = 7  # equations of a point from which it is told which of its rays is wro
 _VOTE = 6  # from which rays that all contradict what is known of it tell that this is wrong
 _ENOUGH = 0.01  # of a point's weakest direction that must be left
 _OFF = 10.0  # sigmas by which a coordinate of a ray is off that was meant for another point
-_REMEASURE = "nor is there a solution without it: remeasure what is named"
 
 
 class PartialAdjustment(NamedTuple):
@@ -161,7 +160,7 @@ def adjust_without_misfits(
         least = minimum_without_misfits(bare, structure, RobustPlace(start), progress=progress)
         least = least or _on_agreed(bare, start, progress)
         if least is None:
-            raise _unsearched(failure)
+            raise without_search(failure)
         reduced, found = least
         points, whole = points_gone(problem, reduced), problem
         if points:
@@ -172,16 +171,9 @@ def adjust_without_misfits(
             reduced = with_rows_of(whole, reduced)
             block = calibrated(reduced, found.state, progress=progress)
     except np.linalg.LinAlgError:
-        raise _unsearched(failure) from None
+        raise without_search(failure) from None
     # a search that begins without them needs no advice to let it
     return PartialAdjustment(block, missing(whole, reduced), failure.reason, points)
-
-
-def _unsearched(failure: NoConvergenceError) -> NoConvergenceError:
-    """Return the error of a block that has no solution without what the failure names either."""
-    if failure.advice != ADVICE:
-        return failure
-    return NoConvergenceError(failure.reason, failure.state, _REMEASURE)
 
 
 def _on_agreed(

@@ -64,8 +64,8 @@ class AdjustedBlock:
     v
         (m, 2) residuals of the image coordinates in units of their a-priori sigmas; zero where
         they are rejected.
-    warnings
-        Sentences for a person about the solution.
+    warnings, of_control
+        Sentences for a person about the solution; of them what is wrong with control as a whole.
     robust
         A robust solution, where one was looked for because of gross errors, or None.
     """
@@ -79,6 +79,7 @@ class AdjustedBlock:
     v: Array = field(repr=False)
     warnings: tuple[str, ...]
     robust: RobustPlace | None = field(default=None, repr=False)
+    of_control: str | None = None
 
     @property
     def remarks(self) -> tuple[str, ...]:

@@ -5,7 +5,6 @@ The free network of the photos, in which control has no influence, tells.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from functools import cached_property
 
 import numpy as np
@@ -21,12 +20,10 @@ from anaplot.bundle.start.absolute import turn_onto
 from anaplot.bundle.start.freenetwork import free_network
 from anaplot.bundle.start.robustsuspects import no_minimum_error
 from anaplot.errors import NotComputableError
-from anaplot.photogrammetry.exchangedpoints import INTERCHANGED, ControlRemark, likely_exchange
+from anaplot.photogrammetry.exchangedpoints import ControlRemark, likely_exchange
 from anaplot.photogrammetry.similarity import robust_similarity
 
-__all__ = ["WithoutControl", "told_of_control", "unsolved_error"]
-
-_MIRRORED = "control is the mirror image of what the photos show"
+__all__ = ["WithoutControl", "unsolved_error"]
 
 _FEWEST = 4  # control points of which a mirror image may be told from the block itself
 _CLEARLY = 20.0  # times better than the block has its mirror image to fit
@@ -80,9 +77,9 @@ class WithoutControl:
         by_itself, by_mirror = (_misfit(side * network, ground) for side in (1.0, -1.0))
         if by_mirror * _CLEARLY < by_itself:
             return ControlRemark(
-                f"{_MIRRORED}: mirrored it fits to {by_mirror:.2g} m, else to {by_itself:.2g} m; "
-                "does y of the images point down, are x and y, or X and Y, exchanged, or does Z "
-                "point down?"
+                "control is the mirror image of what the photos show: mirrored it fits to "
+                f"{by_mirror:.2g} m, else to {by_itself:.2g} m; does y of the images point down, "
+                "are x and y, or X and Y, exchanged, or does Z point down?"
             )
         return likely_exchange(
             list(known),
@@ -131,12 +128,6 @@ def _exchanged_in_plan(
     return likely_exchange(
         list(known), network, ground, "the photos", lambda fitted: fitted.rotation[2, 2] < 0.0
     )
-
-
-def told_of_control(warnings: Iterable[str]) -> str | None:
-    """Return what `WithoutControl` has said, of the warnings about a block; None: nothing."""
-    told = (one for one in warnings if one.startswith(_MIRRORED) or INTERCHANGED in one)
-    return next(told, None)
 
 
 def unsolved_error(

@@ -19,14 +19,13 @@ from anaplot.bundle.solve.structure import Structure
 from anaplot.bundle.start.robust import FAR, ClearestSolution, clearest_solution, with_fixed
 from anaplot.errors import NotComputableError
 
-__all__ = ["ADVICE", "RobustSuspect", "no_minimum_error", "robust_suspects"]
+__all__ = ["RobustSuspect", "no_minimum_error", "robust_suspects", "without_search"]
 
 
-ADVICE = (
+_ADVICE = (
     "remeasure what is named or switch it off (use = off), or let --errors search begin without it"
 )
-"""What to do where measurements that disagree are named."""
-
+_NO_SEARCH = "nor is there a solution without it: remeasure what is named"
 _REMEASURE = "nothing tells which: remeasure what is named"
 
 _AGREED = "where most measurements agree, sigma0 is"
@@ -82,7 +81,7 @@ def no_minimum_error(
         )
     advice = ""
     if worst:
-        advice = _REMEASURE if worst[0].one_of_several else ADVICE
+        advice = _REMEASURE if worst[0].one_of_several else _ADVICE
     return NoConvergenceError("; ".join(said), start, advice)
 
 
@@ -118,6 +117,13 @@ class RobustSuspect(NamedTuple):
     size: str
     times: float
     one_of_several: bool = False
+
+
+def without_search(failure: NoConvergenceError) -> NoConvergenceError:
+    """Return what is said instead where a search has begun without what is named, in vain."""
+    if failure.advice != _ADVICE:
+        return failure
+    return NoConvergenceError(failure.reason, failure.state, _NO_SEARCH)
 
 
 def robust_suspects(
