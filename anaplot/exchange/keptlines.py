@@ -6,6 +6,7 @@ number. A file that does not begin with this work's first line, or a part of it,
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 from itertools import count
@@ -15,6 +16,7 @@ from typing import Any, ClassVar, Generic, Self, TypeVar
 from anaplot.errors import InputError
 from anaplot.exchange.lockfile import lock_open
 from anaplot.textfiles.inputfile import open_input
+from anaplot.textfiles.wholefile import write_all
 from anaplot.textfiles.wording import place, plain, reason
 
 __all__ = ["KeptLines"]
@@ -59,7 +61,7 @@ class KeptLines(Generic[Row]):
         try:
             if path.exists():
                 open_input(path, self.largest).close()  # never waits for what is no file
-            self._file = path.open("ab")
+            self._file = path.open("ab", buffering=0)
         except OSError as error:
             raise InputError(f"{place(path)}: {reason(error)}") from None
         try:
@@ -109,10 +111,11 @@ class KeptLines(Generic[Row]):
                 "name another file for less"
             )
         try:
-            self._file.write(line)
-            self._file.flush()
+            write_all(self._file.fileno(), line)
             os.fsync(self._file.fileno())
         except OSError as error:
+            with contextlib.suppress(OSError):
+                self._file.truncate(self._length)
             raise InputError(f"{place(self._path)}: {reason(error)}") from None
         self._length += len(line)
 

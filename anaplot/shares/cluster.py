@@ -92,8 +92,8 @@ class Cluster(NamedTuple):
         given_up = Event()
 
         def connect() -> None:
-            secure = distributed.Security().require_encryption
             try:
+                secure = distributed.Security().require_encryption
                 client = distributed.Client(
                     f"{'tls' if secure else 'tcp'}://{self.address}",
                     timeout=self.patience,
@@ -111,6 +111,8 @@ class Cluster(NamedTuple):
             return connected.result(timeout=self.patience + _MORE)
         except (OSError, TimeoutError, ValueError, RuntimeError) as error:
             given_up.set()
+            with suppress(Exception):  # it may have come at the last moment
+                connected.result(timeout=0).close()
             said = plain(str(error) or "it takes the call, and says nothing", _SAID)
             raise NotComputableError(
                 f"{self.named()}: no dask scheduler answers within {self.patience:g} s ({said})"

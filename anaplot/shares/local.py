@@ -9,14 +9,8 @@ from collections.abc import Iterator
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from multiprocessing import (
-    active_children,
-    connection,
-    get_context,
-    parent_process,
-    resource_tracker,
-)
-from typing import Any, NamedTuple
+from multiprocessing import connection, get_context, parent_process, resource_tracker
+from typing import Any, ClassVar, NamedTuple
 
 from anaplot.shares.work import Sent, SharesLostError
 
@@ -37,18 +31,16 @@ class LocalProcesses(NamedTuple):
         if processes <= 1:
             yield _Here(sent)
             return
-        others = set(active_children())
         with _one_thread_each():
             pool = _Pool(sent, processes)
             try:
                 yield pool
             except BaseException:
                 # what is still running belongs to work that has ended
-                for child in set(active_children()) - others:
-                    child.terminate()
+                pool.end_all()
                 raise
             finally:
-                pool.executor.shutdown(wait=True, cancel_futures=True)
+                pool.close()
 
 
 class _Here:
@@ -81,20 +73,32 @@ class _Pool:
     def __init__(self, sent: Sent[Any, Any], processes: int) -> None:
         self._sent, self._processes = sent, processes
         self.ahead = 2 * processes
-        self.executor = self._started()
+        # what stands in it is never read: every process of these, and no other, sees it
+        self._ended, self._end = get_context("spawn").Pipe(duplex=False)
+        self._executor = self._started()
 
     def _started(self) -> ProcessPoolExecutor:
         return ProcessPoolExecutor(
             self._processes,
             mp_context=get_context("spawn"),
             initializer=_start,
-            initargs=(self._sent,),
+            initargs=(self._sent, self._ended),
         )
+
+    def end_all(self) -> None:
+        """Let all processes end in the middle of what they do."""
+        self._end.send_bytes(b"end")
+
+    def close(self) -> None:
+        """Wait until all have ended."""
+        self._executor.shutdown(wait=True, cancel_futures=True)
+        self._ended.close()
+        self._end.close()
 
     def hand_out(self, share: Any) -> Future[Any]:
         with _interrupts_held():
             try:
-                return self.executor.submit(_do_there, share)
+                return self._executor.submit(_do_there, share)
             except BrokenProcessPool as error:
                 lost: Future[Any] = Future()
                 lost.set_exception(error)
@@ -106,8 +110,8 @@ class _Pool:
     def look(self) -> None: ...
 
     def renew(self) -> None:
-        self.executor.shutdown(wait=True, cancel_futures=True)
-        self.executor = self._started()
+        self._executor.shutdown(wait=True, cancel_futures=True)
+        self._executor = self._started()
 
 
 class GivenExecutor(NamedTuple):
@@ -159,9 +163,9 @@ class _Worker:
     sent: Sent[Any, Any] | None = None
 
 
-def _start(sent: Sent[Any, Any]) -> None:
+def _start(sent: Sent[Any, Any], ended: connection.Connection) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # interrupts are the parent's business
-    _end_with_the_parent()
+    _end_with_the_parent(ended)
     _Worker.sent = sent
 
 
@@ -170,13 +174,13 @@ def _do_there(share: Any) -> Any:
     return _Worker.sent.do(share)
 
 
-def _end_with_the_parent() -> None:
-    """Let this process end when its parent does, also when that was killed."""
+def _end_with_the_parent(ended: connection.Connection) -> None:
+    """Let this process end when its parent says so, or does, also when that was killed."""
     parent = parent_process()
     assert parent is not None
 
     def watch() -> None:
-        connection.wait([parent.sentinel])
+        connection.wait([parent.sentinel, ended])
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
@@ -199,16 +203,30 @@ def _interrupts_held() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
+class _OneThread:
+    """What the environment said of threads, and for how many pools it now says one."""
+
+    lock = threading.Lock()
+    pools = 0
+    before: ClassVar[dict[str, str | None]] = {}
+
+
 @contextmanager
 def _one_thread_each() -> Iterator[None]:
     """Let the processes started meanwhile do linear algebra with one thread each."""
-    before = {name: os.environ.get(name) for name in _THREADS}
-    os.environ.update(dict.fromkeys(_THREADS, "1"))
+    with _OneThread.lock:
+        if not _OneThread.pools:
+            _OneThread.before = {name: os.environ.get(name) for name in _THREADS}
+            os.environ.update(dict.fromkeys(_THREADS, "1"))
+        _OneThread.pools += 1
     try:
         yield
     finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
+        with _OneThread.lock:
+            _OneThread.pools -= 1
+            before = {} if _OneThread.pools else _OneThread.before
+            for name, value in before.items():
+                if value is None:
+                    os.environ.pop(name, None)
+                else:
+                    os.environ[name] = value

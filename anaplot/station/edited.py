@@ -19,6 +19,7 @@ from anaplot.station.imagepoints import (
     rows_of,
 )
 from anaplot.station.rejectedelsewhere import agreeing
+from anaplot.textfiles.csvlines import cell_value, cells_of
 
 __all__ = [
     "check_unedited",
@@ -158,7 +159,7 @@ def _has_use(path: Path) -> bool:
     """Whether the file has the column use: older versions wrote none, nor is it always needed."""
     try:
         with path.open(encoding="utf-8-sig") as file:
-            return "use" in [name.strip() for name in file.readline().split(",")]
+            return "use" in map(cell_value, cells_of(file.readline().rstrip("\n")))
     except FileNotFoundError:
         return False
 

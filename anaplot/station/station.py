@@ -400,7 +400,10 @@ class Station(Commanded):
         for request in decision.requests:
             self._do(request)
         if heard:
-            self._explain(decision.notes)
+            try:
+                self._explain(decision.notes)
+            except JournalError as error:
+                self._news.tell("error", f"not recorded: {error}")
         if decision.refusal is not None:
             raise decision.refusal
 

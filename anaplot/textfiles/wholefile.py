@@ -76,7 +76,8 @@ def replace_whole(path: Path, data: bytes) -> None:
     Raises
     ------
     InputError
-        It could not be written; the old file is as it was and nothing else is left behind.
+        It could not be written; the old file is as it was, unless it is the folder's entry that
+        could not be brought to disk, and nothing else is left behind.
     """
     _write_aside(path, data, may_replace=True)
 

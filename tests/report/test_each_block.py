@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
@@ -14,6 +16,7 @@ import pytest
 import anaplot
 from anaplot.cli import main
 from anaplot.errors import InputError
+from anaplot.exchange import keptlines
 from anaplot.exchange.answersfile import AnswersFile
 from anaplot.photogrammetry.posterior import Posterior, coordinate_name
 from anaplot.report.sameasked import digest_of
@@ -76,6 +79,25 @@ def test_what_is_kept_is_not_done_again(tmp_path: Path, blocks: list[anaplot.Blo
     (one,) = anaplot.each(anaplot.adjust, [changed], processes=1, to=kept)
     assert one.answer != found[0].answer
     assert kept.read_bytes().count(b"\n") == 6
+
+
+def test_a_full_disk_is_told_with_the_file_and_leaves_no_half_of_a_line(
+    tmp_path: Path, blocks: list[anaplot.Block], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kept = tmp_path / "kept.jsonl"
+    (one,) = anaplot.each(anaplot.adjust, blocks[:1], processes=1, to=kept)
+    before = kept.read_bytes()
+
+    def half(descriptor: int, data: bytes) -> None:
+        os.write(descriptor, data[: len(data) // 2])
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(keptlines, "write_all", half)
+    with pytest.raises(InputError, match=r"kept\.jsonl: No space left on device"):
+        anaplot.each(anaplot.adjust, blocks[:2], processes=1, to=kept)
+    assert kept.read_bytes() == before
+    monkeypatch.undo()
+    assert anaplot.each(anaplot.adjust, blocks[:2], processes=1, to=kept)[0] == one
 
 
 def test_a_file_of_something_else_is_refused(tmp_path: Path, blocks: list[anaplot.Block]) -> None:

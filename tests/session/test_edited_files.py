@@ -100,6 +100,18 @@ def test_what_the_session_wrote_now_or_before_is_no_change(work: Work) -> None:
     work.check()
 
 
+def test_a_use_is_seen_below_a_header_in_quotes(work: Work) -> None:
+    # the session wrote its own rows over such an edit
+    work.write(work.with_row(work.third, use="off"))
+    file = work.folder / "image_points.csv"
+    header, rows = file.read_text(encoding="utf-8").split("\n", 1)
+    assert "use" in header.split(",")
+    quoted_header = ", ".join(f'"{name}"' for name in header.split(","))
+    file.write_text(f"{quoted_header}\n{rows}", encoding="utf-8")
+    with pytest.raises(InputError, match="use is off there and xy in"):
+        work.check()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("change", ["use", "x", "extra"])
 def test_an_edit_is_told_with_photo_point_and_what_to_do(

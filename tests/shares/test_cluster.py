@@ -294,6 +294,15 @@ def test_versions_are_looked_at_before_anything_is_done(package: str) -> None:
         place._check(Told({"tcp://a:1": good, "tcp://b:2": missing}))
 
 
+def test_a_setting_that_dask_refuses_is_said_at_once() -> None:
+    class Distributed:
+        def Security(self) -> None:
+            raise ValueError("no such cipher")
+
+    with pytest.raises(NotComputableError, match="no such cipher"):
+        Cluster("head:1", patience=60.0)._client(Distributed())
+
+
 def refused(address: str) -> str:
     needed("distributed", "cluster")
     with pytest.raises(NotComputableError) as error:

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import os
 import pickle
 import random
 from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
+from contextlib import ExitStack
+from multiprocessing import active_children, get_context
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 from threading import Condition, Thread
+from time import sleep
 from typing import Any
 
 import pytest
@@ -23,7 +28,7 @@ from anaplot.planning.modelscenarios import OneError
 from anaplot.planning.montecarlo import ChunkDone, simulate
 from anaplot.shares import work as shares_work
 from anaplot.shares.address import cluster_address
-from anaplot.shares.local import GivenExecutor, LocalProcesses
+from anaplot.shares.local import GivenExecutor, LocalProcesses, _one_thread_each
 from anaplot.shares.work import REPEATS, Sent, SharesLostError, _count, carry_out
 
 SMALL = OneError("small", "6/3", chunk=20, runs=210)
@@ -102,6 +107,42 @@ def test_a_share_that_fails_by_itself_is_not_done_again() -> None:
     assert found == [0, 1, 2]
     with ThreadPoolExecutor(1) as executor, pytest.raises(ArithmeticError, match="share 3"):
         carry_out(Failing(3), range(9), 9, GivenExecutor(executor, 2), found.append)
+
+
+@pytest.mark.slow
+def test_a_share_that_fails_ends_its_own_processes_and_no_other() -> None:
+    started: list[BaseProcess] = []
+
+    def take(_: int) -> None:
+        if not started:
+            started.append(get_context("spawn").Process(target=sleep, args=(60.0,)))
+            started[0].start()
+
+    before = set(active_children())
+    try:
+        with pytest.raises(ArithmeticError, match="share 8"):
+            carry_out(Failing(8), range(9), 9, LocalProcesses(2), take)
+        (stranger,) = set(active_children()) - before
+        assert stranger is started[0]
+    finally:
+        for process in started:
+            process.terminate()
+            process.join()
+
+
+def test_what_the_environment_says_of_threads_comes_back_with_the_last_pool(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "3")
+    with ExitStack() as first, ExitStack() as second:
+        first.enter_context(_one_thread_each())
+        second.enter_context(_one_thread_each())
+        first.close()
+        assert os.environ["OMP_NUM_THREADS"] == os.environ["OPENBLAS_NUM_THREADS"] == "1"
+        second.close()
+    assert "OMP_NUM_THREADS" not in os.environ
+    assert os.environ["OPENBLAS_NUM_THREADS"] == "3"
 
 
 def test_an_executor_that_breaks_is_said_and_what_was_done_is_kept() -> None:

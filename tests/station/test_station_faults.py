@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import threading
+from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,7 @@ from stationbench import WAIT, Bench, Watch, measure, measure_all, settled
 
 from anaplot.errors import InputError, LinkError
 from anaplot.exchange import journal as journal_module
-from anaplot.exchange.journal import read_journal
+from anaplot.exchange.journal import Journal, JournalError, read_journal
 from anaplot.plotter.device.server import SimulatorServer
 from anaplot.plotter.readings import Fault, InPosition, Position, Record, Refused
 from anaplot.session.heard import MarkSet
@@ -47,6 +48,37 @@ class FullDisk:
                 return real(descriptor, data)
 
         monkeypatch.setattr(journal_module, "os", Os())
+
+
+def test_a_disk_that_takes_no_explanation_holds_no_drive_up(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    station, watch = bench.open()
+    station.next_model()
+    measure_all(station, watch)
+    station.accept()
+    station.return_to("101", "102")
+    settled(watch)
+    real = Journal.append_many
+
+    def refusing(
+        self: Journal, records: Iterable[tuple[str, dict[str, object]]], *, durable: bool
+    ) -> object:
+        records = list(records)
+        if any(kind == "point-checked" for kind, _ in records):
+            raise JournalError("record refused: No space left on device")
+        return real(self, records, durable=durable)
+
+    monkeypatch.setattr(Journal, "append_many", refusing)
+    before, left = station.snapshot().target, len(station.snapshot().checks)
+    station.record()
+    watch.heard("not recorded: record refused")
+    watch.until(lambda p: len(p.checks) < left)
+    settled(watch)  # the plates stand at the next point: the drive was begun
+    assert station.snapshot().target != before
+    monkeypatch.undo()
+    station.record()
+    watch.until(lambda p: len(p.checks) < left - 1)
 
 
 def test_a_full_disk_refuses_aloud_and_goes_on_when_there_is_space(
