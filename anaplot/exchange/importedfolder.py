@@ -6,8 +6,9 @@ import os
 from pathlib import Path
 
 from anaplot.errors import InputError
-from anaplot.exchange.blockfolder import write_block
+from anaplot.exchange.blockfolder import BLOCK_TOML, CONTROL_CSV, write_block
 from anaplot.exchange.blocktoml import format_block_toml
+from anaplot.exchange.controlcsv import parse_control
 from anaplot.exchange.formats.door import SOURCE, Imported
 from anaplot.exchange.formats.filecopy import pieces
 from anaplot.textfiles.wholefile import all_or_nothing, create_whole, make_folder
@@ -16,7 +17,7 @@ from anaplot.textfiles.wording import place, plain
 __all__ = ["write_imported"]
 
 
-def write_imported(folder: Path, imported: Imported) -> None:
+def write_imported(folder: Path, imported: Imported, read: Path) -> None:
     """Write a block that was brought in as a new folder; all of it, or nothing.
 
     Parameters
@@ -25,11 +26,14 @@ def write_imported(folder: Path, imported: Imported) -> None:
         The block folder, made when it does not exist.
     imported
         What was read.
+    read
+        Of which file or folder.
 
     Raises
     ------
     InputError
-        Something of the kind is there already, or cannot be written.
+        Something of the kind is there already, or cannot be written; or what was read would be
+        refused by all that reads a block.
     """
     comments = [f"# {plain(line, 400)}".rstrip() for line in imported.comments]
     text = "\n".join([*comments, "", format_block_toml(imported.block)])
@@ -43,4 +47,18 @@ def write_imported(folder: Path, imported: Imported) -> None:
             for parent in reversed(target.relative_to(folder).parents):
                 make_folder(folder / parent)
             create_whole(target, pieces(path))
-        write_block(folder, imported.block, text=text.lstrip("\n"))
+        try:
+            write_block(folder, imported.block, text=text.lstrip("\n"))
+            if imported.block.control or imported.block.priors:
+                parse_control(folder / CONTROL_CSV)
+        except InputError as error:
+            raise _of_source(error, folder, read) from None
+
+
+def _of_source(error: InputError, folder: Path, read: Path) -> InputError:
+    """Return an error about a line of a file that is not there for long as one of what was read."""
+    for path in (folder / BLOCK_TOML, folder / CONTROL_CSV):
+        begin, colon, wrong = str(error).partition(": ")
+        if colon and begin.startswith(f"{place(path)} line "):
+            return InputError(f"{place(read)}: no block can hold it: {wrong}")
+    return error

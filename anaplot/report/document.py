@@ -339,7 +339,7 @@ class Table:
         return values
 
     def __len__(self) -> int:
-        return len(self.values[0])
+        return len(self.values[0]) if self.values else 0
 
     def for_people(self) -> list[tuple[Column, Values]]:
         """Return the columns that a person reads, in his order."""

@@ -38,7 +38,7 @@ def run_import(options: argparse.Namespace) -> int:
     with working(f"reading {source}") as line:
         found = module_of(chosen.kind).read(source, given)
         line(f"writing {options.output}", 0.0)
-        write_imported(options.output, found)
+        write_imported(options.output, found, source)
     output.show(imported_document(chosen, options.output, found))
     return 0
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from anaplot.errors import InputError
 from anaplot.report.arguments import positive
+from anaplot.textfiles.inputfile import real_path
 
 if TYPE_CHECKING:
     from anaplot.exchange.controlcsv import GroundPoints
@@ -170,7 +171,7 @@ def camera_types() -> tuple[tuple[str, str], ...]:
 
 
 def _default_name(folder: Path) -> str:
-    return folder.resolve().name or "block"
+    return real_path(folder).name or "block"
 
 
 def _name(answers: Sequence[str]) -> str:

@@ -14,6 +14,7 @@ from anaplot.report.ascsv import csv_text
 from anaplot.report.asjson import json_parts, json_text
 from anaplot.report.astext import page_parts
 from anaplot.report.document import Document, Table
+from anaplot.textfiles.inputfile import real_path
 from anaplot.textfiles.wholefile import make_folder, replace_whole
 from anaplot.textfiles.wording import place, reason
 
@@ -108,7 +109,7 @@ def _check_csv(path: Path, taken: Mapping[str, Iterable[Path]], made: Path | Non
     where = f"{place(path)}: cannot be written"
     try:
         # as it will be written: in place of what a link leads to
-        target = path.resolve()
+        target = real_path(path)
         parent = target.parent
         if target.is_dir():
             raise InputError(f"{where}: it is a folder")
@@ -116,11 +117,11 @@ def _check_csv(path: Path, taken: Mapping[str, Iterable[Path]], made: Path | Non
             if parent.is_dir():
                 if not os.access(parent, os.W_OK):
                     raise InputError(f"{where}: the folder is read-only")
-            elif made is None or parent != made.resolve():
+            elif made is None or parent != real_path(made):
                 raise InputError(f"{where}: there is no folder {place(parent)}")
         uses = {**taken, "becomes a folder": () if made is None else (made,)}
         for use, files in uses.items():
-            if any(target == file.resolve() for file in files):
+            if any(target == real_path(file) for file in files):
                 raise InputError(f"{where}: it {use}; name another file for the table")
         if path.is_file() and _is_output(path):
             raise InputError(f"{where}: the report goes there")
@@ -160,7 +161,7 @@ def _write_csv(path: Path, table: Table) -> None:
         if path.exists() and not path.is_file():
             path.write_bytes(data)
             return
-        target = path.resolve()
+        target = real_path(path)
     except (OSError, ValueError) as error:
         raise InputError(f"{place(path)}: cannot be written: {reason(error)}") from error
     replace_whole(target, data)

@@ -32,6 +32,7 @@ from anaplot.planning.patternplan import (
 )
 from anaplot.report.ownplaces import RowName, rows_in
 from anaplot.report.plannetwork import network_from_file
+from anaplot.textfiles.inputfile import real_path
 from anaplot.textfiles.tomltable import read_toml
 from anaplot.textfiles.wording import hint, quoted
 
@@ -203,7 +204,7 @@ def _of_block(path: Path) -> _Geometry:
     ) or any(photo.position_sigma or photo.rotation_sigma for photo in block.photos)
     held = held or bool(block.priors)
     adjusted = adjust_block(block, datum="control" if held else "free")
-    return _of_adjusted(path.resolve().name, f"block {block.name}", adjusted)
+    return _of_adjusted(real_path(path).name, f"block {block.name}", adjusted)
 
 
 def _of_model(

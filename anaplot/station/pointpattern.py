@@ -8,6 +8,7 @@ from anaplot.exchange.patternfile import is_pattern_file, read_pattern
 from anaplot.orientation.ownpattern import OwnPattern, PointPattern
 from anaplot.orientation.patterns import pattern
 from anaplot.photogrammetry.block import Block, PatternPoint
+from anaplot.textfiles.inputfile import real_path
 
 __all__ = ["pattern_of_block", "pattern_points", "point_pattern_of"]
 
@@ -68,5 +69,5 @@ def pattern_points(pattern: PointPattern) -> tuple[PatternPoint, ...] | None:
 
 def _recorded_name(path: Path, folder: Path) -> str:
     """Return a file's path within the block folder, as block.toml names it, or its whole path."""
-    whole, inside = path.resolve(), folder.resolve()
+    whole, inside = real_path(path), real_path(folder)
     return whole.relative_to(inside).as_posix() if whole.is_relative_to(inside) else str(whole)

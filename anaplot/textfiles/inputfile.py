@@ -14,10 +14,23 @@ from pathlib import Path
 from anaplot.errors import InputError
 from anaplot.textfiles.wording import place, reason
 
-__all__ = ["check_regular", "decoded", "not_utf8", "open_input", "read_bytes", "read_text"]
+__all__ = [
+    "check_regular",
+    "decoded",
+    "not_utf8",
+    "open_input",
+    "read_bytes",
+    "read_text",
+    "real_path",
+]
 
 # A named pipe that took the file's name meanwhile is opened at once, and then refused.
 _FLAGS: int = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+
+
+def real_path(path: Path) -> Path:
+    """Return an absolute path without links; a circle of links stays what it is."""
+    return Path(os.path.realpath(path))
 
 
 def open_input(path: Path, max_bytes: int) -> io.BufferedReader:

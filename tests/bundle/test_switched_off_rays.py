@@ -80,6 +80,17 @@ def test_x_off_is_x_of_no_weight(seed: int) -> None:
             assert mine.residual == pytest.approx(its.residual, abs=1e-3)
 
 
+def test_the_mean_redundancy_number_is_that_of_all_coordinates_that_count() -> None:
+    # means of x and of y have unequal weights where rays count with one coordinate
+    found = adjust_block(used(scene().block, dict.fromkeys(range(0, 40, 3), "x")))
+    r, counts = found.cofactors.r, ~found.rejected
+    ri = found.indicators()
+    assert counts[:, 0].sum() > counts[:, 1].sum()
+    assert (ri.ri_x, ri.ri_y) == pytest.approx([r[counts[:, k], k].mean() for k in (0, 1)])
+    assert ri.ri == pytest.approx(r[counts].mean())
+    assert ri.ri != pytest.approx((ri.ri_x + ri.ri_y) / 2.0, rel=1e-6)
+
+
 @pytest.mark.parametrize("parameters", [None, "gruen", "physical"])
 def test_a_ray_off_is_a_ray_that_is_not_there(parameters: str | None) -> None:
     block = scene().block

@@ -279,6 +279,10 @@ def test_the_protocol_of_a_session_and_none() -> None:
     assert "`anaplot log b` has every change" in page.text
     count = sum(one["what"] == "remeasured" for one in changes)
     assert f"{count} measured again" in page.text
+    first = [one for one in read_log(SESSIONS / "changes.jsonl") if one.what == "measured"]
+    page = Page(Section("p", "P", protocol_blocks(log_document(first), "b")))
+    assert "Nothing was measured again" in page.text
+    assert f"{len(first)} rows are of what was measured for the first" in page.text
     assert "no journal" in Page(Section("p", "P", protocol_blocks(None))).text
     empty = log_document(())
     assert "Nothing is journalled" in Page(Section("p", "P", protocol_blocks(empty))).text

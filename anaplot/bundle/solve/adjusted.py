@@ -224,13 +224,11 @@ class AdjustedBlock:
     @cached_property
     def _indicators(self) -> Indicators:
         r = self.cofactors.r
-        x, y = (r.mean(axis=0) if self.problem.rejected is None else self._mean_r()).tolist()
+        count = (~self.rejected).sum(axis=0)
+        x, y = (r.sum(axis=0) / np.maximum(count, 1)).tolist()
+        every = float(r.sum()) / max(int(count.sum()), 1)
         ai_x, ai_y, ai_z = self.cofactors.point_deviations.mean(axis=0).tolist()
-        return Indicators(x, y, (x + y) / 2.0, ai_x, ai_y, ai_z, (ai_x + ai_y + ai_z) / 3.0)
-
-    def _mean_r(self) -> Array:
-        count = np.maximum((~self.rejected).sum(axis=0), 1)
-        return np.asarray(self.cofactors.r.sum(axis=0) / count)
+        return Indicators(x, y, every, ai_x, ai_y, ai_z, (ai_x + ai_y + ai_z) / 3.0)
 
     @property
     def rejected(self) -> Bools:

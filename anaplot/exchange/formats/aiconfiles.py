@@ -27,7 +27,7 @@ import numpy as np
 from anaplot.aliases import Array
 from anaplot.errors import InputError
 from anaplot.exchange.formats.door import Note
-from anaplot.exchange.formats.gathered import MAX_TABLE_BYTES, fields_of, number
+from anaplot.exchange.formats.gathered import MAX_TABLE_BYTES, fields_of, ground_number, number
 from anaplot.exchange.formats.sourcelines import SourceLine, source_lines
 from anaplot.photogrammetry.camera import RadialPolynomial
 from anaplot.photogrammetry.refinement import Refinement
@@ -230,7 +230,7 @@ def _rows(path: Path) -> Iterator[tuple[SourceLine, list[str]]]:
 
 
 def _metres(line: SourceLine, texts: list[str]) -> XYZ:
-    x, y, z = (number(line, text, "a coordinate", "um") for text in texts)  # a thousandth
+    x, y, z = (ground_number(line, text, "a coordinate", "um") for text in texts)  # a thousandth
     return x, y, z
 
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterator
-from decimal import Decimal
+from decimal import Decimal, InvalidOperation
 from pathlib import Path
 from typing import NamedTuple
 
@@ -209,11 +209,19 @@ def _measured(rays: list[_Ray], size: tuple[int, int]) -> list[MeasuredRay]:
         MeasuredRay(
             str(ray.camera),
             str(ray.point),
-            float(Decimal(ray.x) + across),
-            float(down - Decimal(ray.y)),
+            float(_decimal(ray.x) + across),
+            float(down - _decimal(ray.y)),
         )
         for ray in rays
     ]
+
+
+def _decimal(text: str) -> Decimal:
+    """Return the number that a text says; one whose exponent is beyond all bounds says zero."""
+    try:
+        return Decimal(text)
+    except InvalidOperation:
+        return Decimal(float(text))
 
 
 def _cameras(

@@ -18,7 +18,7 @@ from typing import NamedTuple
 from anaplot.aliases import Array
 from anaplot.errors import InputError
 from anaplot.exchange.formats.door import Note
-from anaplot.exchange.formats.gathered import MAX_TABLE_BYTES, head_of, number
+from anaplot.exchange.formats.gathered import MAX_TABLE_BYTES, ground_number, head_of, number
 from anaplot.exchange.formats.sourcelines import SourceLine, source_lines, value_of
 from anaplot.photogrammetry.rotation import rotation_angles, rotation_matrix
 from anaplot.textfiles.wording import place, plain, quoted
@@ -106,7 +106,7 @@ def looks_like_images(path: Path) -> bool:
     if len(rows) < 2 or len(rows[0]) != 2 or len(rows[1]) < 3:
         return False
     camera = value_of(rows[0][1])
-    if camera is not None and not (camera == int(camera) and 0.0 < camera < _SMALL):
+    if camera is not None and not (camera.is_integer() and 0.0 < camera < _SMALL):
         return False
     return "," not in rows[0][0] and None not in map(value_of, rows[1][1:3])
 
@@ -213,7 +213,7 @@ def read_itera(path: Path, notes: list[Note]) -> Itera:
 
 
 def _xyz(line: SourceLine, texts: list[str]) -> XYZ:
-    x, y, z = (number(line, text, "a coordinate") for text in texts)
+    x, y, z = (ground_number(line, text, "a coordinate") for text in texts)
     return x, y, z
 
 

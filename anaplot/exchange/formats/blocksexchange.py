@@ -27,7 +27,7 @@ from anaplot.exchange.formats.crs import (
     frame_around,
 )
 from anaplot.exchange.formats.door import Exported, Exporting, Imported, ImportOptions, Note
-from anaplot.exchange.formats.measuredrays import MeasuredRay, image_points_of
+from anaplot.exchange.formats.measuredrays import MeasuredRay, image_points_of, own_sigmas
 from anaplot.exchange.formats.sourcelines import SourceLine
 from anaplot.exchange.formats.xmlstream import Element, elements, first_tag
 from anaplot.photogrammetry.block import Block, ControlPoint, Photo, Precision, TestSettings
@@ -145,15 +145,16 @@ def read(source: Path, options: ImportOptions) -> Imported:
         text = "cameras with a Skew: x = f u + skew v"
         notes.append(Note("assumed", sum(group.skewed for group, _ in found.groups), text))
     camera_of = {name: group.camera for name, group in group_of_photo.items()}
-    points, lost = image_points_of(rays, camera_of, pixels=True)
-    first = next(iter(cameras.values()))
     sigma = options.sigma_px or 1.0
+    image_um = sigma * (next(iter(cameras.values())).pixel_um or 1.0)
+    own = own_sigmas(camera_of, sigma, image_um)
+    points, lost = image_points_of(rays, camera_of, pixels=True, sigma_um=own)
     if options.sigma_px is None:
         notes.append(Note("assumed", None, "an image coordinate has a sigma of one pixel"))
     name = found.name or source.stem
     block = Block(
         name if name_fault(name) is None else "block",
-        Precision(sigma * (first.pixel_um or 1.0), "exact"),
+        Precision(image_um, "exact"),
         TestSettings("tau"),
         tuple(cameras.values()),
         oriented,

@@ -79,6 +79,11 @@ def number(line: SourceLine, text: str, what: str, unit: str = "mm") -> float:
     return value / 1000.0 if "e" in plain_text.lower() else float(f"{plain_text}e-3")
 
 
+def ground_number(line: SourceLine, text: str, what: str, unit: str = "mm") -> float:
+    """Return a ground coordinate as `number` does; raises InputError for no place on earth."""
+    return line.on_earth(number(line, text, what, unit), text, what)
+
+
 def check_with(files: Mapping[str, Path], known: Iterable[str]) -> None:
     """Refuse a further file that a format has no use for; raises InputError."""
     words = tuple(known)

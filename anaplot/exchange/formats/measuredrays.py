@@ -30,6 +30,7 @@ __all__ = [
     "kept_names",
     "magnified",
     "measured_anew",
+    "own_sigmas",
 ]
 
 TWICE = "a second time in the photo"
@@ -97,7 +98,11 @@ class RayColumns:
 
 
 def image_points_of(
-    rays: Sequence[MeasuredRay] | RayColumns, camera_of: Mapping[str, Camera], *, pixels: bool
+    rays: Sequence[MeasuredRay] | RayColumns,
+    camera_of: Mapping[str, Camera],
+    *,
+    pixels: bool,
+    sigma_um: Mapping[str, float] | None = None,
 ) -> tuple[ImagePoints, tuple[Note, ...]]:
     """Return image points in the order of the rays, and what was done to some of them.
 
@@ -109,6 +114,8 @@ def image_points_of(
         The camera of every photo.
     pixels
         Whether x, y are pixels; every camera has pixels then.
+    sigma_um
+        Standard deviations of rays that state none, by photo, where it is not the block's.
 
     Returns
     -------
@@ -125,6 +132,11 @@ def image_points_of(
     renamed = _renamed(rays, left_out)
     twice: Bools = np.zeros(len(rays), dtype=bool)
     twice[list(renamed)] = True
+    sigma = rays.sigma_um
+    if sigma_um:
+        own = np.array([sigma_um.get(photo, np.nan) for photo in rays.photo.values])
+        own = own[rays.photo.index]
+        sigma = own if sigma is None else np.where(np.isnan(sigma), own, sigma)
     measured: Array | None = rays.xy
     if not pixels:
         through = [camera_of[photo].lens is not None for photo in rays.photo.values]
@@ -134,7 +146,7 @@ def image_points_of(
         rays.photo,
         rays.point.put(renamed),
         ideal,
-        rays.sigma_um,
+        sigma,
         Coded.same(None, len(rays)),
         rays.use.put(dict.fromkeys(renamed, "off")),
         rays.reason.put(dict.fromkeys(renamed, TWICE)),
@@ -154,6 +166,14 @@ def image_points_of(
         text = "rays of a point that is in the photo already: kept with ~2, and do not count"
         notes.append(Note("doubled", int(twice.sum()), text, _some(rays, twice)))
     return ImagePoints(columns=columns), tuple(notes)
+
+
+def own_sigmas(
+    camera_of: Mapping[str, Camera], sigma_px: float, image_um: float
+) -> dict[str, float]:
+    """Return a standard deviation in um, by photo, where it is not that of the block."""
+    own = {photo: sigma_px * (camera.pixel_um or 1.0) for photo, camera in camera_of.items()}
+    return {photo: sigma for photo, sigma in own.items() if sigma != image_um}
 
 
 def kept_names(

@@ -27,6 +27,7 @@ from anaplot.exchange.formats.measuredrays import (
     enlarged,
     image_points_of,
     magnified,
+    own_sigmas,
 )
 from anaplot.exchange.formats.metashapemodel import (
     Sensor,
@@ -130,9 +131,10 @@ def read(source: Path, options: ImportOptions) -> Imported:
     control = _control(found, frame)
     photos, told = _photos(found, sensor_of_photo, used, frame, grounded=bool(control))
     camera_of = {name: cameras[sensor.camera.id] for name, sensor in sensor_of_photo.items()}
-    points, lost = image_points_of(rays, camera_of, pixels=True)
     kinds = {camera.id: camera for camera in camera_of.values()}
-    first = next(iter(kinds.values()))
+    image_um = sigma * (next(iter(kinds.values())).pixel_um or 1.0)
+    own = own_sigmas(camera_of, sigma, image_um)
+    points, lost = image_points_of(rays, camera_of, pixels=True, sigma_um=own)
     control_m = settings.get("accuracy_markers") or Precision().control_m
     if options.sigma_px is None:
         text = f"an image coordinate has a sigma of {sigma:g} px"
@@ -146,7 +148,7 @@ def read(source: Path, options: ImportOptions) -> Imported:
         notes.append(Note("dropped", rolling, "sensors' rolling shutters"))
     block = Block(
         source.stem if name_fault(source.stem) is None else "block",
-        Precision(sigma * (first.pixel_um or 1.0), "exact", control_m),
+        Precision(image_um, "exact", control_m),
         TestSettings("tau"),
         tuple(kinds.values()),
         photos,

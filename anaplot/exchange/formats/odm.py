@@ -7,6 +7,7 @@ from pathlib import Path
 from anaplot.exchange.formats import opensfm
 from anaplot.exchange.formats.door import Exported, Exporting, Imported, ImportOptions, Note
 from anaplot.exchange.formats.gcplist import GCP_LIST
+from anaplot.textfiles.inputfile import real_path
 
 __all__ = ["read", "recognises", "write"]
 
@@ -33,7 +34,7 @@ def read(source: Path, options: ImportOptions) -> Imported:
         files = files._replace(
             reconstruction=model / _TOPOCENTRIC, notes=(Note("assumed", None, text),)
         )
-    return opensfm.read_files(files, options, source.resolve().name or "odm")
+    return opensfm.read_files(files, options, real_path(source).name or "odm")
 
 
 def write(exporting: Exporting, target: Path) -> Exported:

@@ -43,6 +43,7 @@ from anaplot.photogrammetry.block import (
     TestSettings,
 )
 from anaplot.photogrammetry.groundsystem import GroundSystem
+from anaplot.textfiles.inputfile import real_path
 from anaplot.textfiles.names import name_fault
 from anaplot.textfiles.wording import place
 
@@ -98,7 +99,7 @@ def files_of(folder: Path, options: ImportOptions) -> OpensfmFiles:
 def read(source: Path, options: ImportOptions) -> Imported:
     """Read a model; raises InputError that names file and line, or place in the file."""
     folder = source.parent if source.name == RECONSTRUCTION else source
-    return read_files(files_of(folder, options), options, source.resolve().name or "opensfm")
+    return read_files(files_of(folder, options), options, real_path(source).name or "opensfm")
 
 
 def write(exporting: Exporting, target: Path) -> Exported:

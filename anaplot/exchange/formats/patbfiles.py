@@ -15,7 +15,7 @@ import numpy as np
 
 from anaplot.aliases import Array
 from anaplot.errors import InputError
-from anaplot.exchange.formats.gathered import MAX_TABLE_BYTES, fields_of, number
+from anaplot.exchange.formats.gathered import MAX_TABLE_BYTES, fields_of, ground_number, number
 from anaplot.exchange.formats.sourcelines import SourceLine, source_lines
 from anaplot.photogrammetry.rotation import is_rotation, rotation_angles
 from anaplot.textfiles.wording import place, quoted
@@ -230,7 +230,7 @@ def read_orientations(path: Path, order: str | None) -> tuple[list[Orientation],
         photo = first.name_of(name, "photo")
         if photo in out:
             raise first.fail(f"photo {quoted(photo)} twice")
-        x, y, z = (number(first, text, "a coordinate") for text in texts)
+        x, y, z = (ground_number(first, text, "a coordinate") for text in texts)
         elements = _numbers(second, 5) + _numbers(third, 4)
         matrix = np.array(elements).reshape(3, 3)
         if not is_rotation(matrix, _ORTHONORMAL):
@@ -339,10 +339,10 @@ def _plan_row(
     point = line.name_of(fields[0], "point")
     if point in found:
         raise line.fail(f"point {quoted(point)} twice")
-    x, y = (number(line, text, "a coordinate") for text in fields[1:3])
+    x, y = (ground_number(line, text, "a coordinate") for text in fields[1:3])
     z = None
     if count == 5 or (count == 4 and not grouped):
-        z = number(line, fields[3], "Z")
+        z = ground_number(line, fields[3], "Z")
     last = fields[-1] if count == 5 or (count == 4 and grouped) else None
     if codes and count == 5 and last != "3":
         raise line.fail(f"code {quoted(fields[4])}: only 3, full control, is known")
@@ -355,7 +355,7 @@ def _height_row(
     if not 2 <= len(fields) <= 3:
         raise line.fail(f"{len(fields)} fields, where point, Z and perhaps a group are expected")
     point = line.name_of(fields[0], "point")
-    z = number(line, fields[1], "Z")
+    z = ground_number(line, fields[1], "Z")
     xyz, groups = found.setdefault(point, ([None, None, None], []))
     if xyz[2] is not None:
         raise line.fail(f"point {quoted(point)} has a height already")

@@ -15,7 +15,7 @@ from anaplot.exchange.controlcsv import format_control
 from anaplot.exchange.formats.door import Exported, Exporting, Imported, ImportOptions, Note
 from anaplot.exchange.formats.gathered import not_held
 from anaplot.exchange.formats.groundlist import read_ground
-from anaplot.exchange.formats.measuredrays import MeasuredRay, image_points_of
+from anaplot.exchange.formats.measuredrays import MeasuredRay, image_points_of, own_sigmas
 from anaplot.exchange.formats.namedcolumns import ColumnTable, open_columns, plain_title
 from anaplot.exchange.formats.sourcelines import SourceLine, source_lines
 from anaplot.exchange.formats.statedcameras import needed_camera, stated_cameras
@@ -144,13 +144,12 @@ def read(source: Path, options: ImportOptions) -> Imported:
         raise InputError(f"{plain(str(source), 400)}: no row")
     called = _cameras_of(given, options.files.get("cameras"), photos)
     cameras, of_photo, said = _cameras(options, called, photos, pixels=axes.pixels)
-    first = next(iter(cameras.values()))
     rays, shown, more = _rays(table, axes, of_photo)
-    points, lost = image_points_of(rays, of_photo, pixels=axes.pixels)
+    image_um, own, precision = _precision(options, of_photo, table, pixels=axes.pixels)
+    points, lost = image_points_of(rays, of_photo, pixels=axes.pixels, sigma_um=own)
     notes = (*table.notes(), *notes)
     ground, told = read_ground(options.files)
     swapped = _swapped(table, photos, rays)
-    image_um, precision = _precision(options, first, table, pixels=axes.pixels)
     known = {point.photo for point in points}
     block = Block(
         source.stem if name_fault(source.stem) is None else "block",
@@ -321,22 +320,29 @@ def _sigma(
 
 
 def _precision(
-    options: ImportOptions, camera: Camera, table: ColumnTable, *, pixels: bool
-) -> tuple[float, tuple[Note, ...]]:
-    """Return the a-priori sigma of image coordinates [um], and whether it was assumed."""
+    options: ImportOptions, of_photo: Mapping[str, Camera], table: ColumnTable, *, pixels: bool
+) -> tuple[float, dict[str, float], tuple[Note, ...]]:
+    """Return the a-priori sigma of image coordinates [um], that of photos with another one, notes.
+
+    In pixels the first photo's are meant by that of the block.
+    """
     if options.sigma_um is not None:
         if options.sigma_px is not None:
             raise InputError("--sigma-um beside --sigma-px: only one of them")
-        return options.sigma_um, ()
-    if options.sigma_px is not None:
-        if not pixels and camera.pixel_um is None:
-            raise InputError("--sigma-px: of image coordinates in mm it needs the size of a pixel")
-        return options.sigma_px * (camera.pixel_um or 1.0), ()
-    um = camera.pixel_um or 1.0 if pixels else Precision().image_um
-    if not table.stated.union(table.titles).isdisjoint(("sigma", "sx", "sy", "sigma_um")):
-        return um, ()
-    text = f"an image coordinate has a sigma of {'one pixel' if pixels else f'{um:g} um'}"
-    return um, (Note("assumed", None, text),)
+        return options.sigma_um, {}, ()
+    assumed: tuple[Note, ...] = ()
+    if options.sigma_px is None:
+        stated = table.stated.union(table.titles)
+        if stated.isdisjoint(("sigma", "sx", "sy", "sigma_um")):
+            one = "one pixel" if pixels else f"{Precision().image_um:g} um"
+            assumed = (Note("assumed", None, f"an image coordinate has a sigma of {one}"),)
+        if not pixels:
+            return Precision().image_um, {}, assumed
+    elif not pixels and any(camera.pixel_um is None for camera in of_photo.values()):
+        raise InputError("--sigma-px: of image coordinates in mm it needs the size of a pixel")
+    sigma_px = 1.0 if options.sigma_px is None else options.sigma_px
+    image_um = sigma_px * (next(iter(of_photo.values())).pixel_um or 1.0)
+    return image_um, own_sigmas(of_photo, sigma_px, image_um), assumed
 
 
 def _shown(lines: list[SourceLine], rays: list[MeasuredRay], axes: _Axes) -> tuple[Note, ...]:

@@ -47,10 +47,13 @@ class SourceLine(NamedTuple):
     def ground_of(self, texts: list[str], what: str) -> list[float]:
         """Return ground coordinates; raises InputError for what is none, or no place on earth."""
         values = self.numbers_of(texts, what)
-        for value, text in zip(values, texts, strict=True):
-            if abs(value) > _FARTHEST:
-                raise self.fail(f"{what} of {quoted(text)} is no place on earth")
-        return values
+        return [self.on_earth(value, text, what) for value, text in zip(values, texts, strict=True)]
+
+    def on_earth(self, value: float, text: str, what: str) -> float:
+        """Return a ground coordinate; raises InputError for one that is no place on earth."""
+        if abs(value) > _FARTHEST:
+            raise self.fail(f"{what} of {quoted(text)} is no place on earth")
+        return value
 
     def whole_of(self, text: str, what: str, low: int = 0, high: int = 2**63) -> int:
         """Return a whole number from `low` to `high`; raises InputError for anything else."""

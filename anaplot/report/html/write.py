@@ -15,6 +15,7 @@ from anaplot.report.ascsv import csv_text
 from anaplot.report.html.parts import Report, drawings_in
 from anaplot.report.html.render import html_of, is_report
 from anaplot.report.html.views import MOST_ROWS, page_view
+from anaplot.textfiles.inputfile import real_path
 from anaplot.textfiles.wholefile import (
     all_or_nothing,
     check_place,
@@ -65,7 +66,7 @@ def check_report(path: Path, figures: Path | None = None) -> None:
     """
     check_place(path)
     folder = tables_folder(path)
-    if figures is not None and figures.resolve() in (path.resolve(), folder.resolve()):
+    if figures is not None and real_path(figures) in (real_path(path), real_path(folder)):
         raise InputError(f"{place(figures)}: is the page or has its tables, no folder for figures")
     try:
         if os.path.lexists(path) and not _earlier(path):

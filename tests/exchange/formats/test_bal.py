@@ -230,6 +230,19 @@ def test_damage_is_one_line(tmp_path: Path, old: str, new: str, message: str) ->
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize("zero", ["1e-99999999999999999999", "-0e99999999999999999999"])
+def test_an_exponent_beyond_all_bounds_is_zero(tmp_path: Path, zero: str) -> None:
+    at = PROBLEM.index("\n") + 1
+    camera, point, _, y = PROBLEM[at:].split("\n")[0].split()
+    rest = PROBLEM[at:].split("\n", 1)[1]
+    rows = []
+    for k, x in enumerate((zero, "0")):
+        file = tmp_path / f"{k}.txt"
+        file.write_text(f"{PROBLEM[:at]}{camera} {point} {x} {y}\n{rest}")
+        rows.append(bal.read(file, ImportOptions()).block.image_points[0])
+    assert (rows[0].x, rows[0].y) == (rows[1].x, rows[1].y)
+
+
 def test_a_cut_file_says_where(tmp_path: Path) -> None:
     file = tmp_path / "p.txt"
     lines = PROBLEM.splitlines()

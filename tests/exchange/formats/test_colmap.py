@@ -652,7 +652,7 @@ def test_damage_gives_a_block_or_one_line(part: str, at: int, data: bytes, text:
         said, found = "", None
         try:
             found = colmap.read(Path(folder), PLAIN)
-            write_imported(Path(folder, "b"), found)
+            write_imported(Path(folder, "b"), found, Path(folder))
         except InputError as error:
             said = str(error)
         assert said.isprintable()

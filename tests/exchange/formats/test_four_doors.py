@@ -29,7 +29,7 @@ SIGMA = ImportOptions(sigma_px=0.4)
 
 def through(kind: str, source: Path, folder: Path, options: ImportOptions = SIGMA) -> Block:
     """Return a block as it is read again from its folder."""
-    write_imported(folder, module_of(kind).read(source, options))
+    write_imported(folder, module_of(kind).read(source, options), source)
     return read_block(folder)
 
 

@@ -109,6 +109,24 @@ def test_sensors_of_one_label_stay_two_cameras(tmp_path: Path, scene: TiltedBloc
         metashape.read(two, PLAIN)
 
 
+def test_a_pixel_is_one_of_its_own_sensor(tmp_path: Path, scene: TiltedBlock) -> None:
+    text = camera_file(scene, tmp_path / "c.xml").read_text()
+    start, end = text.index("<sensor id="), text.index("</sensors>")
+    one = text[start:end]
+    other = one.replace('id="0"', 'id="1"').replace("0.0025", "0.01")
+    text = text.replace('camera id="1" sensor_id="0"', 'camera id="1" sensor_id="1"')
+    two = tmp_path / "two.xml"
+    two.write_text(text[:start] + one + other + text[end:])
+    same, mixed = (metashape.read(file, PLAIN).block for file in (tmp_path / "c.xml", two))
+    assert mixed.precision.image_um == same.precision.image_um
+    per_pixel = {1e3 * camera.pixel_mm for camera in mixed.cameras}
+    assert per_pixel == {2.5, 10.0}
+    for a, b in zip(same.image_points, mixed.image_points, strict=True):
+        larger = b.photo == scene.names[1]
+        assert a.sigma_um is None
+        assert b.sigma_um == (4.0 * mixed.precision.image_um if larger else None)
+
+
 def test_what_is_off_is_left_out_of_the_file_and_nothing_else(
     tmp_path: Path, scene: TiltedBlock, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -188,6 +189,15 @@ def test_several_cameras(tmp_path: Path) -> None:
     block = pixels.read(*written(tmp_path / "t.csv", rows, options)).block
     assert {c.id: c.pixels for c in block.cameras} == {"left": (4000, 3000), "right": (100, 80)}
     assert [photo.camera for photo in block.photos] == ["left", "right", "left"]
+    # one pixel of each camera, not of the first one for all
+    for stated, um, sigmas in (
+        ({}, 1.0, [None, 50.0, None]),
+        ({"sigma_px": 0.5}, 0.5, [None, 25.0, None]),
+        ({"sigma_um": 3.0}, 3.0, [None, None, None]),
+    ):
+        block = pixels.read(tmp_path / "t.csv", replace(options, **stated)).block
+        assert block.precision.image_um == um
+        assert [row.sigma_um for row in block.image_points] == sigmas
     (tmp_path / "cameras.txt").write_text("a left\nb right\n")
     with pytest.raises(InputError, match="photo 'c': no row says"):
         pixels.read(tmp_path / "t.csv", options)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -117,6 +118,48 @@ def test_scripts_of_dbat_and_documents_of_metashape_have_one_root(tmp_path: Path
     assert recognised(chunk).kind == "metashape"
 
 
+@pytest.mark.parametrize("number", ["inf", "nan", "1e999"])
+def test_a_file_whose_second_number_is_none_is_not_bingos(tmp_path: Path, number: str) -> None:
+    file = tmp_path / "image.dat"
+    file.write_text(f"101 {number}\n1 2.0 3.0\n")
+    assert not module_of("bingo").recognises(file)
+
+
+@pytest.mark.parametrize(
+    ("kind", "file", "old", "told"),
+    [
+        # a file and a line of it; what there is no line for, and which file was read
+        ("patb", "patb.con", r"(?m)^(\s*1000 +)\S+", r"patb\.con line \d+: .*no place on earth"),
+        ("patb", "patb.ori", r"(?m)^( +101 +)\S+", r"patb\.ori line \d+: .*no place on earth"),
+        ("aicon", "aicon.eor", r"(?m)^(\w+\s+)\S+", r"aicon\.eor line \d+: .*no place on earth"),
+        ("aicon", "aicon.ior", r"(1 )-152\.4", r"/aicon: no block can hold it: .*\bc\b"),
+    ],
+)
+def test_a_number_beyond_all_bounds_is_told_of_the_file_that_has_it(
+    samples: dict[str, Path], tmp_path: Path, kind: str, file: str, old: str, told: str
+) -> None:
+    source = tmp_path / kind
+    shutil.copytree(samples[kind], source)
+    text = (source / file).read_text()
+    # columns stay where they are
+    wrong, count = re.subn(
+        old, lambda m: m[1] + "-1e40".ljust(len(m[0]) - len(m[1])), text, count=1
+    )
+    assert count == 1
+    (source / file).write_text(wrong)
+    with pytest.raises(InputError, match=told):
+        write_imported(tmp_path / "b", module_of(kind).read(source, ImportOptions()), source)
+    assert not (tmp_path / "b").exists()
+
+
+@pytest.mark.skipif(not hasattr(os, "symlink"), reason="no links here")
+@pytest.mark.parametrize("kind", [kind for kind, one in FORMATS.items() if one.reads])
+def test_a_circle_of_links_is_one_line(tmp_path: Path, kind: str) -> None:
+    (tmp_path / "loop").symlink_to("loop")
+    with pytest.raises(InputError, match="loop"):
+        module_of(kind).read(tmp_path / "loop", ImportOptions(c=100.0, pixels=(2000, 1500)))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -174,7 +217,7 @@ def test_damage_is_refused_or_makes_a_block(
     refused = ""
     try:
         found = module_of(kind).read(copy, options)
-        write_imported(folder / "block", found)
+        write_imported(folder / "block", found, copy)
     except InputError as error:
         refused = str(error)
     if refused:
