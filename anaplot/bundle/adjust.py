@@ -365,5 +365,6 @@ def _warnings(
     elif doubt is not None:
         # control makes no residual smaller
         bent = doubt.factor > 1.0 and without.agree
-        out.append(doubt.of_control if bent else str(doubt))
+        stated = bool(np.isfinite(problem.prior_sigma).any())
+        out.append(doubt.of_given(stated=stated) if bent else str(doubt))
     return out, of_control

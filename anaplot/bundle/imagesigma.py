@@ -39,12 +39,17 @@ class SigmaDoubt(NamedTuple):
             f"{self.image_um:g} of [precision] in block.toml says"
         )
 
-    @property
-    def of_control(self) -> str:
-        """The doubt as a sentence where the photos by themselves raise none."""
+    def of_given(self, *, stated: bool) -> str:
+        """Return the doubt as a sentence where the photos by themselves raise none.
+
+        `stated`: whether positions or angles of photos are.
+        """
+        control, others = "control", ""
+        if stated:
+            control, others = "what is given", ", a stated position or angle"
         return (
-            f"{self._off}, but without control the photos agree with it: is a control point wrong, "
-            "or the camera?"
+            f"{self._off}, but without {control} the photos agree with it: is a control point "
+            f"wrong{others}, or the camera?"
         )
 
     def __str__(self) -> str:

@@ -399,7 +399,8 @@ def adjust(
     document = with_photo_accidents(document, wrong)
     if prior is None:  # which weights a second adjustment would take anew
         document = with_double_names(document, double_names(adjusted, watch))
-    document = with_offset_advice(document, offset_advice(adjusted))
+    out = [one.name for one in found.rejected]
+    document = with_offset_advice(document, offset_advice(adjusted, out))
     document = with_moved_points(document, cameras)
     document = with_lengths_of(measured, with_journal_notes(document, note))
     return Computed(found, document, flagged)

@@ -98,9 +98,10 @@ def offset_advice_lines(found: Sequence[OffsetAdvice]) -> list[Line]:
     """Return for people which offsets a block should have."""
     return [
         say(
-            "note: stated {} are off by the same: with {} {} v'Pv falls by about {:.4g} of {:.4g} "
-            "({} unknowns, P {})",
-            "angles" if one.kind == "boresight" else "positions",
+            "note: stated {}: with {} {} v'Pv falls by about {:.4g} of {:.4g} ({} unknowns, P {})",
+            "angles are off by the same"
+            if one.kind == "boresight"
+            else "positions are off by the same, or control is",
             _OPTIONS[one.kind],
             one.scope,
             one.falls,

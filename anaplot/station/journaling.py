@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Literal
 
 from anaplot.exchange.eventcodec import event_to_payload
 from anaplot.exchange.journal import Journal, JournalError
 from anaplot.session.events import Event
-from anaplot.session.notes import NoteKind
+from anaplot.session.notes import Note, NoteKind
 from anaplot.session.workflow import Outlook
 from anaplot.station.idlepolls import Item, folded, is_one_run, recent_part
 from anaplot.station.tables import inner_table_payload, table_payload
@@ -176,6 +176,11 @@ class Recorder:
         records = [*self._gathered(), (kind, payload)]
         self._journal.append_many(records, durable=False)
         self._forget()
+
+    def explain(self, notes: Iterable[Note]) -> None:
+        """Write what explains events, one after the other."""
+        for kind, payload in notes:
+            self.note(kind, payload)
 
     def _gathered(self) -> list[tuple[str, Mapping[str, Any]]]:
         before = self._time(self._clock()) - _WHOLE_SECONDS

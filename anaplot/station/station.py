@@ -13,7 +13,7 @@ import contextlib
 import shlex
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -40,7 +40,6 @@ from anaplot.session.heard import (
     Seen,
 )
 from anaplot.session.hearing import hear
-from anaplot.session.notes import Note
 from anaplot.session.plates import ReadOut, image_of, plates_of
 from anaplot.session.pointedat import Targets
 from anaplot.session.referencing import references
@@ -389,7 +388,7 @@ class Station(Commanded):
             self._news.tell("error", f"not recorded: {error}")
             return
         if not heard:
-            self._explain(decision.notes)
+            self._recorder.explain(decision.notes)
         before, self._desk = self._desk, decision.after
         self._news.any |= self._desk is not before
         self._points.happened(decision.events)
@@ -401,15 +400,11 @@ class Station(Commanded):
             self._do(request)
         if heard:
             try:
-                self._explain(decision.notes)
+                self._recorder.explain(decision.notes)
             except JournalError as error:
                 self._news.tell("error", f"not recorded: {error}")
         if decision.refusal is not None:
             raise decision.refusal
-
-    def _explain(self, notes: Iterable[Note]) -> None:
-        for kind, payload in notes:
-            self._recorder.note(kind, payload)
 
     def _do(self, request: Request) -> None:
         """Do what the desk asks for; what may wait for a port is done without the lock."""

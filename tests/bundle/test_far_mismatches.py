@@ -15,6 +15,8 @@ from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.errors import misfits
 from anaplot.bundle.errors.grosserrors import BlockFindings, block_gross_errors
 from anaplot.bundle.solve.problem import make_problem
+from anaplot.bundle.solve.remade import laid_out_again
+from anaplot.bundle.solve.selection import FAR_APART
 from anaplot.bundle.start.pointknowledge import equations_knowing
 from anaplot.bundle.start.robust import FarOff
 from anaplot.cli import main
@@ -65,6 +67,23 @@ def test_a_point_whose_two_rays_do_not_meet_is_left_out(strategy: str) -> None:
 
 
 @pytest.mark.slow
+def test_points_that_are_left_out_stay_out_in_a_block_with_other_rows() -> None:
+    # rows were compared one by one: of a block with fewer of them that was a traceback
+    block = planned(1, strips=3)
+    first, *_, last = dict.fromkeys(row.point for row in block.image_points)
+    problem = make_problem(block, undetermined={first: FAR_APART, last: FAR_APART})
+    fewer = [row for k, row in enumerate(block.image_points) if row.point in (first, last) or k % 9]
+    assert len(fewer) < len(block.image_points)
+    anew = laid_out_again(problem, replace(block, image_points=tuple(fewer)))
+    assert {first, last}.isdisjoint(anew.points)
+    # of one a row has changed: it is looked at again
+    at = next(k for k, row in enumerate(fewer) if row.point == last)
+    fewer[at] = replace(fewer[at], x=fewer[at].x + 0.01)
+    anew = laid_out_again(problem, replace(block, image_points=tuple(fewer)))
+    assert first not in anew.points
+    assert last in anew.points
+
+
 def test_far_mismatches_are_out_from_the_beginning_and_told_with_their_size() -> None:
     block, wrong = far_block(9)
     found = block_gross_errors(block, "search", ALPHA)

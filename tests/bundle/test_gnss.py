@@ -476,6 +476,30 @@ def test_what_positions_and_angles_ask_for_is_advised():
     assert offset_advice(adjust_block(block, datum="free")) == []
 
 
+def test_what_a_search_takes_apart_is_asked_whole():
+    # it rejects heights of control, or of positions, one by one, and nothing is left to tell
+    block = flown(PriorOffsets(), seed=8, angles=False).scene.block
+    up = tuple(
+        replace(photo, position=(*photo.position[:2], photo.position[2] + 30.0))
+        for photo in block.photos
+    )
+    found = block_gross_errors(replace(block, photos=up), "search")
+    rejected = [one.name for one in found.rejected]
+    assert len({name[0] for name in rejected if name[-1] == "Z"} & {"control", "prior"}) == 1
+    assert offset_advice(found.block) == []
+    (advised,) = offset_advice(found.block, rejected)
+    assert advised.kind == "shift"
+
+
+def test_where_one_observation_explains_more_no_offset_is_advised():
+    block = flown(PriorOffsets(), seed=8, angles=False).scene.block
+    first, *others = block.control
+    wrong = replace(first, xyz=(*first.xyz[:2], first.xyz[2] + 50.0))
+    found = adjust_block(replace(block, control=(wrong, *others)))
+    assert found.flagged_observations()[0][1:] == (f"Z of control point {first.point}", "control")
+    assert offset_advice(found) == []
+
+
 @pytest.mark.slow
 def test_good_positions_and_angles_ask_for_nothing():
     # alpha .001 of two tests a block: more than two of 60 have a probability of .0003

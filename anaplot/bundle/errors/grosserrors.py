@@ -25,7 +25,7 @@ from anaplot.adjustment.cleaning import (
 from anaplot.adjustment.findings import SearchSettings
 from anaplot.adjustment.pairodds import MOST_ROWS_OF_PAIRS
 from anaplot.adjustment.scale import ScaleError
-from anaplot.adjustment.significance import TESTABLE, critical_normal
+from anaplot.adjustment.significance import critical_normal
 from anaplot.adjustment.strategies import STRATEGIES
 from anaplot.adjustment.watch import Watch
 from anaplot.bundle.adjust import evaluate, points_settled
@@ -68,6 +68,7 @@ from anaplot.bundle.solve.problem import SEVEN, Problem, make_problem
 from anaplot.bundle.solve.remade import among_points, without_points
 from anaplot.bundle.solve.selection import FAR_APART
 from anaplot.bundle.solve.structure import make_structure
+from anaplot.bundle.solve.uncheckedvalues import unchecked_values
 from anaplot.bundle.start.controlremark import WithoutControl
 from anaplot.bundle.start.robust import robust_state
 from anaplot.errors import InputError
@@ -210,17 +211,24 @@ class BlockFindings(Cleaned[BlockPlace, ObservationName, AllRows]):
         """Control points of which any may be wrong instead of what is out: too little checks them.
 
         As many coordinates are left as hold the block, or one more, and another point out as a
-        whole may explain the same. None where no control is out.
+        whole may explain the same; or next to nothing checks what is left of plan, or of height.
+        None where no control is out.
         """
-        out = [str(name[1]) for name in self.out if name[0] == "control"]
-        problem, rows = self.block.problem, self.block.control_rows()
+        out = [name for name in self.out if name[0] == "control"]
+        problem, bare = self.block.problem, unchecked_values(self.block)
         if not out or problem.fixed.any():
             return ()
         hardly = known_values(problem) <= SEVEN + 1
         points = set(as_likely_wrong(problem.every) if hardly else ())
-        if all(row.r < TESTABLE for row in rows):
-            points.update(str(row.key[1]) for row in rows)
-        points.update(out if points else ())
+        points.update(str(name[1]) for name in (out if points else ()))
+        left, unchecked = self.block.control_rows(), {row.key for row in bare}
+        for axes in ("XY", "Z"):
+            gone, here = (
+                [name for name in names if str(name[2]) in axes]
+                for names in (out, [row.key for row in left])
+            )
+            if gone and unchecked.issuperset(here):
+                points.update(str(name[1]) for name in (*gone, *here))
         return tuple(row.point for row in problem.block.control if row.point in points)
 
     @cached_property
@@ -257,12 +265,12 @@ class BlockFindings(Cleaned[BlockPlace, ObservationName, AllRows]):
                 "without what is rejected next to nothing checks control: any of "
                 f"{', '.join(self.unchecked_control)} may be what is wrong"
             )
-        else:
-            said += [
-                f"instead of control point {point} it may be {' or '.join(others)} that is wrong: "
-                "that explains as much"
-                for point, others in self.control_instead.items()
-            ]
+        said += [
+            f"instead of control point {point} it may be {' or '.join(others)} that is wrong: "
+            "that explains as much"
+            for point, others in self.control_instead.items()
+            if not {point, *others}.issuperset(self.unchecked_control or (None,))
+        ]
         for photos, are_more in (
             (self.photo_losses, "lose as many"),
             (self.hardly_checked, "are checked as little"),

@@ -7,6 +7,7 @@ there, see `anaplot.bundle.solve.offsetequations`.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import replace
 from typing import NamedTuple
@@ -14,17 +15,23 @@ from typing import NamedTuple
 import numpy as np
 
 from anaplot.adjustment.hypothesis import FTest, f_test
+from anaplot.adjustment.reliability import SPUR
 from anaplot.aliases import Array, Index
 from anaplot.bundle.hypotheses.verdict import VarianceFactor
+from anaplot.bundle.onward import adjust_onward
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.laidoffsets import OFFSET_KINDS, OffsetKind, OffsetName, lay_out_offsets
+from anaplot.bundle.solve.observations import ObservationName
 from anaplot.bundle.solve.offsetequations import OffsetsOpenError, OffsetUpdate, best_offsets
+from anaplot.bundle.solve.remade import with_given_back
 from anaplot.errors import InputError, NotComputableError
 from anaplot.photogrammetry.prioroffsets import BoresightScope, OffsetScope, PriorOffsets
 from anaplot.photogrammetry.rotation import rotation_angles
 
 __all__ = ["OffsetAdvice", "offset_advice"]
 
+_GIVEN = ("control", "prior", "point prior")
+_SEVERAL = 2  # rejected, of what is given
 _ALPHA = 1e-3  # significance: a remark that nobody asked for is not made by chance
 
 
@@ -51,14 +58,30 @@ class OffsetAdvice(NamedTuple):
     test: FTest
 
 
-def offset_advice(block: AdjustedBlock) -> list[OffsetAdvice]:
+def offset_advice(
+    block: AdjustedBlock, rejected: Iterable[ObservationName] = ()
+) -> list[OffsetAdvice]:
     """Return what a block without offsets should have; nothing where it has some.
 
-    Each kind is tested beside the others: what is left of v'Pv once all are there decides.
+    Each kind is tested beside the others: what is left of v'Pv once all are there decides. One
+    observation that explains more by itself is wrong, and offsets are not.
+
+    Parameters
+    ----------
+    block
+        The adjusted block.
+    rejected
+        Observations without which it was adjusted. Control and stated positions that differ by the
+        same are rejected one by one, and then nothing is left to tell: with several of them out it
+        is asked with all that is given.
     """
     problem = block.problem
     if problem.datum != "control" or problem.offsets is not None:
         return []
+    if sum(name[0] in _GIVEN for name in rejected) >= _SEVERAL:
+        with suppress(NotComputableError):
+            block = adjust_onward(with_given_back(problem), block)
+            problem = block.problem
     shift: OffsetScope | None = None
     boresight: BoresightScope | None = None
     if np.isfinite(problem.position_sigma).any():
@@ -117,7 +140,7 @@ class _Multipliers(NamedTuple):
     def advice(self, block: AdjustedBlock, wanted: PriorOffsets) -> list[OffsetAdvice]:
         """Return those that are needed beside the others."""
         kinds = np.array([name.kind for name in self.names])
-        whole = self.falls(np.arange(len(kinds)))
+        whole, alone = self.falls(np.arange(len(kinds))), _by_one(block)
         left = VarianceFactor(
             max(block.vtpv - whole, 0.0), block.redundancy - len(kinds), by_known=False
         )
@@ -129,7 +152,15 @@ class _Multipliers(NamedTuple):
                 continue
             falls = max(whole - self.falls(others), 0.0)
             test = f_test(falls, len(its), alpha=_ALPHA, sigma=sigma, redundancy=left.redundancy)
-            if test.rejected:
+            if test.rejected and falls >= alone:
                 scope = getattr(wanted, kind)
                 out.append(OffsetAdvice(kind, scope, len(its), falls, block.vtpv, test))
         return out
+
+
+def _by_one(block: AdjustedBlock) -> float:
+    """Return the most that v'Pv falls by without a single observation."""
+    tested = block.tested
+    checked = tested.use & (tested.r >= SPUR)
+    v = tested.residual[checked] / block.observations.sigma[checked]
+    return float(np.max(v**2 / tested.r[checked], initial=0.0))

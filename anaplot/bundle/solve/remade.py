@@ -11,11 +11,12 @@ from anaplot.aliases import Index
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.problem import Problem, make_problem
 from anaplot.bundle.solve.selection import FAR_APART, HALF_RAYS
-from anaplot.photogrammetry.block import Block
+from anaplot.photogrammetry.block import Block, ImagePoint
 
 __all__ = [
     "among_points",
     "laid_out_again",
+    "with_given_back",
     "with_priors_of",
     "with_rejected_of",
     "without_points",
@@ -34,15 +35,26 @@ def laid_out_again(problem: Problem, block: Block) -> Problem:
     InputError, NotComputableError
         As `make_problem`.
     """
-    apart = {name: why for name, why in (problem.undetermined or {}).items() if why == FAR_APART}
+    apart = [name for name, why in (problem.undetermined or {}).items() if why == FAR_APART]
     if apart:
-        rows = zip(problem.block.image_points, block.image_points, strict=True)
-        for name in {row.point for pair in rows if pair[0] is not pair[1] for row in pair}:
-            apart.pop(name, None)
+        before, now = (_rows_of(one, apart) for one in (problem.block, block))
+        apart = [name for name in apart if before[name] == now[name]]
     anew = make_problem(
-        block, datum=problem.datum, additional=problem.additional, undetermined=apart or None
+        block,
+        datum=problem.datum,
+        additional=problem.additional,
+        undetermined=dict.fromkeys(apart, FAR_APART) or None,
     )
     return without_same(anew, problem)
+
+
+def _rows_of(block: Block, points: Iterable[str]) -> dict[str, list[ImagePoint]]:
+    """Return the rows of some points; a point without any has none."""
+    found: dict[str, list[ImagePoint]] = {name: [] for name in points}
+    for row in block.image_points:
+        if row.point in found:
+            found[row.point].append(row)
+    return found
 
 
 def without_points(problem: Problem, names: Iterable[str], why: str = HALF_RAYS) -> Problem:
@@ -60,6 +72,17 @@ def without_points(problem: Problem, names: Iterable[str], why: str = HALF_RAYS)
         undetermined={**(problem.undetermined or {}), **dict.fromkeys(names, why)},
     )
     return with_rejected_of(without_same(anew, problem), problem)
+
+
+def with_given_back(problem: Problem) -> Problem:
+    """Return the bundle with all control and priors of its block, rejected before or not."""
+    anew = make_problem(
+        problem.block,
+        datum=problem.datum,
+        additional=problem.additional,
+        undetermined=problem.undetermined,
+    )
+    return with_rejected_of(replace(anew, conditions=problem.conditions), problem)
 
 
 def among_points(problem: Problem, smaller: Problem, state: BlockState) -> BlockState:
