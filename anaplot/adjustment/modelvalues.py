@@ -36,7 +36,7 @@ class ModelDecisions(NamedTuple):
 
 
 def decide_by_model_values(
-    size: Array, root: Array, critical: float, tolerance: float, least: float
+    size: Array, root: Array, critical: float, tolerance: float
 ) -> ModelDecisions:
     """Decide by model values where they leave no doubt (eq. 9 to 11).
 
@@ -50,11 +50,9 @@ def decide_by_model_values(
         Their model values of sqrt(q_vv); NaN where there is none.
     critical, tolerance
         c and k.
-    least
-        Model value up to which nothing can be tested.
     """
     known = np.isfinite(root)
-    untestable = known & (root <= least)
+    untestable = known & (root <= sqrt(SPUR))
     known &= ~untestable
     limit = critical * np.where(known, root, 0.0)
     rejected = known & (size > limit * (1.0 + tolerance))

@@ -12,7 +12,7 @@ from anaplot.adjustment.elimination import Elimination
 from anaplot.adjustment.findings import ModelValues, SearchStep
 from anaplot.adjustment.modelvalues import beyond_model, decide_by_model_values
 from anaplot.adjustment.partners import Proposals
-from anaplot.adjustment.significance import TESTABLE, critical_normal, critical_tau
+from anaplot.adjustment.significance import critical_normal, critical_tau
 from anaplot.adjustment.watch import Watch
 from anaplot.aliases import Array, Bools, Index
 
@@ -152,7 +152,7 @@ class ModelRule:
         remaining[list(state.rows)] = False
         root = self._models
         e = np.abs(state.e)
-        by = decide_by_model_values(e, root, self._critical, self._tolerance, sqrt(TESTABLE))
+        by = decide_by_model_values(e, root, self._critical, self._tolerance)
         sure = remaining & (by.rejected | by.accepted)
         nothing = remaining & by.untestable
         size[sure] = e[sure] / root[sure]

@@ -7,7 +7,7 @@ from math import sqrt
 
 import numpy as np
 
-from anaplot.aliases import Progress
+from anaplot.aliases import Bools, Progress
 from anaplot.bundle.imagesigma import SigmaDoubt, doubt_of
 from anaplot.bundle.solve.additional import AdditionalParameters
 from anaplot.bundle.solve.adjusted import AdjustedBlock
@@ -46,6 +46,7 @@ __all__ = [
     "points_settled",
 ]
 
+_MOST_BEHIND = 10  # remarks on points behind photos
 _FEW_RAYS = 10_000  # up to which a block that does not fit is compared with its mirror image
 
 
@@ -328,6 +329,26 @@ def evaluate(
     )
 
 
+def _behind(problem: Problem, behind: Bools) -> list[str]:
+    """Say which points lie behind their photos; where most of a photo's do, the photo is wrong."""
+    rays, gone = (
+        np.bincount(problem.photo[some], minlength=len(problem.photos))
+        for some in (np.ones(len(behind), dtype=bool), behind)
+    )
+    turned = 2 * gone > rays
+    out = [
+        f"{gone[photo]} of {rays[photo]} points of photo {problem.photos[photo]} lie behind it: it "
+        "has another place, too little tells which"
+        for photo in np.flatnonzero(turned).tolist()
+    ]
+    out += [
+        f"point {problem.points[problem.point[k]]} lies behind photo "
+        f"{problem.photos[problem.photo[k]]}: remeasure it"
+        for k in np.flatnonzero(behind & ~turned[problem.photo]).tolist()
+    ]
+    return out[:_MOST_BEHIND]
+
+
 def _warnings(
     problem: Problem,
     found: Minimum,
@@ -338,12 +359,7 @@ def _warnings(
     """Return what is said of a solution, and of it what is wrong with control as a whole."""
     linear = found.normal.linear
     out = []
-    behind = np.nonzero(linear.depth <= 0.0)[0]
-    for k in behind[:10].tolist():
-        out.append(
-            f"point {problem.points[problem.point[k]]} lies behind photo "
-            f"{problem.photos[problem.photo[k]]}: remeasure it"
-        )
+    out += _behind(problem, linear.depth <= 0.0)
     out += stated_remarks(problem, found.state)
     if problem.redundancy == 0:
         out.append("no redundancy: nothing is checked")

@@ -25,6 +25,7 @@ __all__ = [
     "replace_whole",
     "sync_folder",
     "write_all",
+    "write_together",
 ]
 
 _RANDOM_BYTES = 6
@@ -99,6 +100,44 @@ def create_whole(path: Path, data: bytes | Iterable[bytes]) -> None:
     """
     _write_aside(path, data, may_replace=False)
     _was_made(path)
+
+
+def write_together(files: Iterable[tuple[Path, bytes]]) -> None:
+    """Write files that are there or are not: nothing of what is there goes before all are on disk.
+
+    Parameters
+    ----------
+    files
+        Each file and its content, made one after another. They have their names in this order; one
+        that was not there is never written over another that came meanwhile.
+
+    Raises
+    ------
+    InputError
+        One could not be written: then those that were there are as they were, but for the case
+        that a name could not be given, and nothing else is left behind.
+    """
+    aside: list[tuple[Path, Path, bool]] = []
+    try:
+        for path, data in files:
+            there = os.path.lexists(path)
+            with _told(path):
+                aside.append((_aside(path), path, there))
+                _write_synced(aside[-1][0], data, like=path if there else None)
+        for written, path, there in aside:
+            with _told(path):
+                if there:
+                    written.replace(path)
+                else:
+                    _rename_to_new(written, path)
+                    _was_made(path)
+        for folder in dict.fromkeys(path.parent for _, path, _ in aside):
+            with _told(folder):
+                sync_folder(folder)
+    finally:
+        for written, _, _ in aside:
+            with contextlib.suppress(OSError):
+                written.unlink(missing_ok=True)
 
 
 def create_folder(
@@ -210,10 +249,25 @@ def sync_folder(folder: Path) -> None:
             os.close(descriptor)
 
 
-def _write_aside(path: Path, data: bytes | Iterable[bytes], *, may_replace: bool) -> None:
-    aside = path.with_name(f".{path.name}.{os.urandom(_RANDOM_BYTES).hex()}.tmp")
-    own = None
+@contextlib.contextmanager
+def _told(path: Path) -> Iterator[None]:
+    """Say of which file an error of the system is."""
     try:
+        yield
+    except FileExistsError:
+        raise InputError(f"{place(path)}: exists already and is not overwritten") from None
+    except (OSError, ValueError) as error:
+        raise InputError(f"{place(path)}: cannot be written: {reason(error)}") from error
+
+
+def _aside(path: Path) -> Path:
+    return path.with_name(f".{path.name}.{os.urandom(_RANDOM_BYTES).hex()}.tmp")
+
+
+def _write_aside(path: Path, data: bytes | Iterable[bytes], *, may_replace: bool) -> None:
+    own = None
+    with _told(path):
+        aside = _aside(path)
         try:
             _write_synced(aside, data, like=path if may_replace else None)
             own = aside.lstat()
@@ -231,10 +285,6 @@ def _write_aside(path: Path, data: bytes | Iterable[bytes], *, may_replace: bool
                     if os.path.samestat(own, path.lstat()):
                         path.unlink()
             raise
-    except FileExistsError:
-        raise InputError(f"{place(path)}: exists already and is not overwritten") from None
-    except (OSError, ValueError) as error:
-        raise InputError(f"{place(path)}: cannot be written: {reason(error)}") from error
 
 
 def _write_synced(path: Path, data: bytes | Iterable[bytes], like: Path | None) -> None:

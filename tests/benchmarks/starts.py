@@ -2,7 +2,7 @@
 
     python tests/benchmarks/starts.py [blocks of each kind] [kind ...] [--size N] [--large]
 
-Random blocks of thirteen kinds (tests/bundle/startkinds.py) of which nothing is known but image
+Random blocks of fourteen kinds (tests/bundle/startkinds.py) of which nothing is known but image
 coordinates and some control. Each is adjusted from nothing and from its true values: "failed" says
 that no minimum was found, "wrong" that it is another one than from the truth. Time is that of the
 processor, of the search for approximate values and of everything to the minimum, for each ray.

@@ -1,4 +1,4 @@
-"""Thirteen kinds of random blocks of which nothing but the measurements is known, with their truth.
+"""Fourteen kinds of random blocks of which nothing but the measurements is known, with their truth.
 
 Each maker takes a random generator and how many times the smallest block it shall be, and lays
 photos and points out; what sees what, noise and control are the same for all.
@@ -253,6 +253,27 @@ def with_mismatches(
     return replace(scene, block=replace(scene.block, image_points=tuple(moved)))
 
 
+def turntable(rng: np.random.Generator, size: int) -> Layout:
+    """Photos every ten degrees around a small object: in so narrow a field two see no depth."""
+    count = 36
+    angle, height = rng.uniform(0.0, 2.0 * np.pi, 150 * size), rng.uniform(0.0, 0.2, 150 * size)
+    normals = np.column_stack((np.cos(angle), np.sin(angle), np.zeros(len(angle))))
+    points = 0.08 * normals + rng.normal(0.0, 0.004, normals.shape)
+    points[:, 2] += height - 0.1
+    layout = looking_in(
+        rng, 2.0 * np.pi * np.arange(count) / count, np.full(count, 0.45), 1.1, points
+    )
+    aims = rng.normal(0.0, 0.005, layout.centres.shape)
+    return replace(
+        layout,
+        rotations=_aimed(layout.centres, aims, 0.0),
+        cameras=(Camera("metric", METRIC_C),),
+        half=0.3,
+        normals=normals,
+        control=(5, 1e-5),
+    )
+
+
 KINDS: dict[str, Callable[[np.random.Generator, int], Layout]] = {
     "strip": strip,
     "block": block,
@@ -267,6 +288,7 @@ KINDS: dict[str, Callable[[np.random.Generator, int], Layout]] = {
     "flat, long lens": long_lens,
     "three photos": three_photos,
     "few rays": few_rays,
+    "turntable": turntable,
 }
 
 

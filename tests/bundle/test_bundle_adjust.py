@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from bundleblocks import aerial, cube
 
-from anaplot.bundle.adjust import adjust_block
+from anaplot.bundle.adjust import _behind, adjust_block
 from anaplot.bundle.solve.additional import additional_parameters, ebner, gruen, gruen50, physical
 from anaplot.bundle.solve.parametercorrelations import parameter_correlations
 from anaplot.bundle.solve.problem import make_problem
@@ -213,6 +213,21 @@ def test_points_with_one_ray_are_left_out_and_named(scene) -> None:
     assert any("lonely" in remark and "one ray" in remark for remark in block.remarks)
     assert block.warnings == ()
     assert block.redundancy == adjust_block(scene.block).redundancy
+
+
+def test_of_points_behind_most_of_a_photos_the_photo_is_named(scene) -> None:
+    # each of its points was to be measured again, six times of a photo in a wrong place
+    problem = make_problem(scene.block)
+    mine = np.flatnonzero(problem.photo == 0)
+    other = int(np.flatnonzero(problem.photo == 1)[3])
+    behind = np.zeros(len(problem.photo), dtype=bool)
+    behind[mine[1:]] = behind[other] = True
+    of_photo, of_point = _behind(problem, behind)
+    first, second = problem.photos[:2]
+    assert of_photo.startswith(f"{len(mine) - 1} of {len(mine)} points of photo {first} lie behind")
+    point = problem.points[problem.point[other]]
+    assert of_point == f"point {point} lies behind photo {second}: remeasure it"
+    assert _behind(problem, np.zeros(len(behind), dtype=bool)) == []
 
 
 def test_photos_with_too_few_points_are_left_out_and_named(scene) -> None:

@@ -1,4 +1,4 @@
-"""Blocks of thirteen kinds from nothing: the minimum is that of the truth, and little is tried."""
+"""Blocks of fourteen kinds from nothing: the minimum is that of the truth, and little is tried."""
 
 from __future__ import annotations
 

@@ -75,9 +75,21 @@ def test_of_a_long_table_that_needs_no_look_the_first_rows_are_shown(tmp_path: P
 def test_an_earlier_report_is_replaced_and_nothing_else(tmp_path: Path) -> None:
     page = tmp_path / "r.html"
     write_report(report(250), page, tmp_path / "f", most_rows=100)
-    before = page.read_bytes()
+    before = {file: file.read_bytes() for file in tmp_path.rglob("*.*") if file.is_file()}
+    assert len(before) == 3
+
+    def interrupted(*_: object) -> None:
+        told.append(1)
+        if len(told) == len(before):
+            raise KeyboardInterrupt
+
+    # the page was the old one, beside a table of the new one
+    told: list[int] = []
+    with pytest.raises(KeyboardInterrupt):
+        write_report(report(251), page, tmp_path / "f", most_rows=100, progress=interrupted)
+    assert {file: file.read_bytes() for file in before} == before
     write_report(report(251), page, tmp_path / "f", most_rows=100)
-    assert page.read_bytes() != before
+    assert page.read_bytes() != before[page]
     write_report(report(3), page, tmp_path / "f")
     assert list((tmp_path / "r.html.tables").iterdir()) == []
     other = tmp_path / "notes.html"

@@ -15,7 +15,6 @@ from typing import NamedTuple
 import numpy as np
 
 from anaplot.adjustment.modelvalues import MODEL_TOLERANCE, decide_by_model_values
-from anaplot.adjustment.reliability import SPUR
 from anaplot.aliases import Array, Axis, Bools, Index
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.factor import Factor
@@ -153,7 +152,6 @@ def snoop(
         class_roots(block.problem, models),
         block.critical * block.sigma,
         tolerance,
-        SPUR**0.5,
     )
     counts = ~block.rejected
     computed = counts & by.doubtful

@@ -25,8 +25,9 @@ PAIRS, PHOTOS = "orienting pairs", "orienting photos"
 
 _FEWEST = 6  # common points of a seed
 _SEEDS = 4  # pairs from which a part grows, at most
-_ORIENTED = 12  # pairs that are oriented to find them, at most
+_STRONGEST, _OTHERS = 6, 6  # pairs that are oriented to find them, at most
 _ANGLE = 0.04  # at which a seed shows its points [rad]
+_CLEAR = 4.0  # times their noise by which rays of a good seed miss each other
 _ORIENTATIONS = 3  # of a seed that are tried
 _WORSE = 10.0  # times the rays of one that is none miss each other, than those of the best
 _NEARLY = 0.9  # of the photos: a part that reaches so many is taken
@@ -73,7 +74,7 @@ def grown_from_seed(
     best_score = (-1, 0.0)
     graph = view_graph(problem) if graph is None else graph
     beyond = ~graph.with_neighbours(among)
-    pairs = graph.strongest(_FEWEST, among)[:_ORIENTED]
+    pairs = _varied(graph.strongest(_FEWEST, among))
     reached = np.zeros(len(problem.photos), dtype=bool)
     for count, (pair, possible) in enumerate(_seeds(problem, rays, by_photo, pairs, reached)):
         if progress is not None:
@@ -99,44 +100,56 @@ def grown_from_seed(
     return best
 
 
+def _varied(pairs: Index) -> Index:
+    """Return the pairs with most common points, and some of the others with more than most have.
+
+    Where the strongest ones are neighbours of a narrow field, all show their points at no angle;
+    two that are farther apart have fewer of them, and better ones.
+    """
+    others = np.linspace(_STRONGEST, max(len(pairs) // 2, _STRONGEST), _OTHERS).astype(np.intp)
+    chosen = np.unique(np.concatenate((np.arange(_STRONGEST), others)))
+    return np.asarray(pairs[chosen[chosen < len(pairs)]])
+
+
 def _seeds(
     problem: Problem, rays: Array, by_photo: list[Index], pairs: Index, reached: Bools
 ) -> Iterator[tuple[Index, Iterator[RelativeOrientation]]]:
     """Yield pairs of photos with possible orientations, the best seeds first.
 
-    Of pairs with most common points those that show them at an angle; where there are too few,
-    those that come nearest to it. None with both photos among those that, by then, are `reached`.
+    Of pairs with most common points those that show them at an angle, and whose rays meet as their
+    noise lets them; where there are too few, those that come nearest to it: rays that miss each
+    other have gross errors, a lens, or a wrong orientation, as of a narrow field. None with both
+    photos among those that, by then, are `reached`.
     """
-    flat: list[tuple[float, Index, Iterator[RelativeOrientation]]] = []
+    poor: list[tuple[bool, float, Index, Iterator[RelativeOrientation]]] = []
     good = 0
     for pair in pairs:
         if reached[pair].all():
             continue
-        every = _orientations(problem, rays, by_photo, pair)
+        one, other = rays_of_common_points(problem, by_photo, pair)
+        both = np.concatenate((one, other))
+        noise = float(np.mean(problem.sigma[both] / problem.c[problem.photo[both]]))
+        every = _orientations(rays[one], rays[other], noise)
         best = next(every, None)
         if best is None:
             continue
         found: Iterator[RelativeOrientation] = chain((best,), every)
-        if best.angle < _ANGLE:
-            flat.append((best.angle, pair, found))
+        flat = best.angle < _ANGLE
+        if flat or best.error > _CLEAR * noise:
+            poor.append((flat, -best.angle if flat else best.error, pair, found))
             continue
         yield pair, found
         good += 1
         if good == _SEEDS:
             return
-    flat.sort(key=lambda seed: -seed[0])
-    for _, pair, found in flat[: _SEEDS - good]:
+    poor.sort(key=lambda seed: seed[:2])
+    for _, _, pair, found in poor[: _SEEDS - good]:
         yield pair, found
 
 
-def _orientations(
-    problem: Problem, rays: Array, by_photo: list[Index], pair: Index
-) -> Iterator[RelativeOrientation]:
-    """Yield possible orientations of a pair, the best first; none far worse than that."""
-    one, other = rays_of_common_points(problem, by_photo, pair)
-    both = np.concatenate((one, other))
-    noise = float(np.mean(problem.sigma[both] / problem.c[problem.photo[both]]))
-    every = orientations(rays[one], rays[other], noise)
+def _orientations(one: Array, other: Array, noise: float) -> Iterator[RelativeOrientation]:
+    """Yield possible orientations of two bundles, the best first; none far worse than that."""
+    every = orientations(one, other, noise)
     best = next(every, None)
     if best is None:
         return

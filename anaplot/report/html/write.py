@@ -19,9 +19,8 @@ from anaplot.textfiles.inputfile import real_path
 from anaplot.textfiles.wholefile import (
     all_or_nothing,
     check_place,
-    create_whole,
     make_folder,
-    replace_whole,
+    write_together,
 )
 from anaplot.textfiles.wording import place, reason
 
@@ -141,18 +140,21 @@ def write_report(
         for where, some in ((beside, files), (folder, drawings)):
             if some and where is not None:
                 make_folder(where)
-        for name, data in (files | drawings | {page: html}).items():
-            if progress is not None:
-                progress("the page", 0.0)
-            if os.path.lexists(name):
-                replace_whole(name, data)
-            else:
-                create_whole(name, data)
+        write_together(_one_by_one(files | drawings | {page: html}, progress))
     for name in gone:
         # of an earlier report: nothing of this page says what it is
         with contextlib.suppress(OSError):
             name.unlink()
     return Written(page, len(html), tuple(files), tuple(drawings))
+
+
+def _one_by_one(
+    files: Mapping[Path, bytes], progress: Progress | None
+) -> Iterator[tuple[Path, bytes]]:
+    for one in files.items():
+        if progress is not None:
+            progress("the page", 0.0)
+        yield one
 
 
 def _stale(folder: Path, files: Mapping[Path, bytes]) -> list[Path]:
