@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -10,11 +11,12 @@ import pytest
 from bundleblocks import Scene
 from startkinds import KINDS, building, measured
 
-from anaplot.bundle.solve.gaussnewton import find_minimum
+from anaplot.bundle.solve.gaussnewton import NoConvergenceError, find_minimum
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.problem import Problem, make_problem
 from anaplot.bundle.solve.structure import make_structure
 from anaplot.bundle.start import bestminimum
+from anaplot.bundle.start.approximate import Way
 from anaplot.bundle.start.pull import foreseen_torn, torn
 from anaplot.bundle.start.robust import RobustState, robust_state
 from anaplot.errors import NotComputableError
@@ -138,3 +140,21 @@ def test_photos_that_no_way_orients_are_named() -> None:
     problem = make_problem(scene.block)
     with pytest.raises(NotComputableError, match=r"no approximate orientation found for photos f2"):
         bestminimum.best_minimum(problem, None, problem)
+
+
+def test_ways_that_end_in_the_same_place_are_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = make_problem(ring().block)
+    start = ring().start(problem, np.random.default_rng(1), shift=2.0, turn=0.5)
+    begun: list[BlockState] = []
+
+    def found(_: Problem, at: BlockState, *__: object, **___: object) -> None:
+        begun.append(at)
+        raise NoConvergenceError("nowhere", at)
+
+    ways = [Way(lambda _: replace(start)) for _ in range(4)]
+    monkeypatch.setattr(bestminimum, "approximate_ways", lambda _: list(ways))
+    monkeypatch.setattr(bestminimum, "find_minimum", found)
+    with suppress(NotComputableError):
+        bestminimum.best_minimum(problem, None, problem)
+    # a few steps, and all of them once the other ways have led nowhere
+    assert sum(np.array_equal(at.centres, start.centres) for at in begun) == 2

@@ -142,6 +142,7 @@ def best_minimum(
     ways = approximate_ways(problem)
     if first is not None:
         ways.insert(0, Way(lambda _: first))
+    seen: list[BlockState] = []  # ways may end in the same place, as where all is stated
     waiting: list[Waiting] = []
     tried: RobustState | None = None  # the best from which everything was tried, if it orients
     while ways or waiting:
@@ -156,8 +157,10 @@ def best_minimum(
             continue
         try:
             start = way.find(progress) if way is not None else waiting.pop(0).start
-            if start is None:
+            if start is None or (new and any(_same(start, other) for other in seen)):
                 continue
+            if new:
+                seen.append(start)
             structure = make_structure(problem, start.centres)
         except NotComputableError as error:
             failure = failure or error
@@ -268,6 +271,12 @@ def best_minimum(
             "contradict each other"
         )
     raise failure
+
+
+def _same(start: BlockState, other: BlockState) -> bool:
+    return np.array_equal(start.centres, other.centres) and np.array_equal(
+        start.rotations, other.rotations
+    )
 
 
 def _explained_by_lens(whole: Problem, found: Minimum, progress: Progress | None) -> Minimum | None:

@@ -164,7 +164,8 @@ def _suspects(problem: Problem, clearest: ClearestSolution) -> list[RobustSuspec
         if what in named:
             continue
         named.add(what)
-        found.append(RobustSuspect(what, f"{image[k]:.3g} mm", image[k] / scale, several))
+        size = f"{image[k]:.3g} mm in the image"
+        found.append(RobustSuspect(what, size, image[k] / scale, several))
     if held.any():
         scale = clearest.misfits.control_scale(held, clearest.least)
         for k in np.argsort(-control, kind="stable")[:10].tolist():

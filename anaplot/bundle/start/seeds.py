@@ -27,7 +27,7 @@ _FEWEST = 6  # common points of a seed
 _SEEDS = 4  # pairs from which a part grows, at most
 _STRONGEST, _OTHERS = 6, 6  # pairs that are oriented to find them, at most
 _ANGLE = 0.04  # at which a seed shows its points [rad]
-_CLEAR = 4.0  # times their noise by which rays of a good seed miss each other
+_CLEAR = 2.5  # times their noise by which rays of a good seed miss each other
 _ORIENTATIONS = 3  # of a seed that are tried
 _WORSE = 10.0  # times the rays of one that is none miss each other, than those of the best
 _NEARLY = 0.9  # of the photos: a part that reaches so many is taken
@@ -134,9 +134,9 @@ def _seeds(
         if best is None:
             continue
         found: Iterator[RelativeOrientation] = chain((best,), every)
-        flat = best.angle < _ANGLE
-        if flat or best.error > _CLEAR * noise:
-            poor.append((flat, -best.angle if flat else best.error, pair, found))
+        flat, unclear = best.angle < _ANGLE, best.error > _CLEAR * noise
+        if flat or unclear:
+            poor.append((unclear, -best.angle if flat else -_ANGLE, pair, found))
             continue
         yield pair, found
         good += 1
