@@ -215,13 +215,14 @@ class BlockFindings(Cleaned[BlockPlace, ObservationName, AllRows]):
         None where no control is out.
         """
         out = [name for name in self.out if name[0] == "control"]
-        problem, bare = self.block.problem, unchecked_values(self.block)
+        problem = self.block.problem
         if not out or problem.fixed.any():
             return ()
         hardly = known_values(problem) <= SEVEN + 1
         points = set(as_likely_wrong(problem.every) if hardly else ())
         points.update(str(name[1]) for name in (out if points else ()))
-        left, unchecked = self.block.control_rows(), {row.key for row in bare}
+        left = self.block.control_rows()
+        unchecked = {row.key for row in unchecked_values(self.block)}
         for axes in ("XY", "Z"):
             gone, here = (
                 [name for name in names if str(name[2]) in axes]

@@ -31,7 +31,7 @@ from anaplot.photogrammetry.rotation import rotation_angles
 __all__ = ["OffsetAdvice", "offset_advice"]
 
 _GIVEN = ("control", "prior", "point prior")
-_SEVERAL = 2  # rejected, of what is given
+_SEVERAL = 2  # rejected of what is given, or times as many as by chance
 _ALPHA = 1e-3  # significance: a remark that nobody asked for is not made by chance
 
 
@@ -72,13 +72,15 @@ def offset_advice(
         The adjusted block.
     rejected
         Observations without which it was adjusted. Control and stated positions that differ by the
-        same are rejected one by one, and then nothing is left to tell: with several of them out it
-        is asked with all that is given.
+        same are rejected one by one, and then nothing is left to tell: with more of them out than
+        by chance it is asked with all that is given.
     """
-    problem = block.problem
+    problem, rows = block.problem, block.observations
     if problem.datum != "control" or problem.offsets is not None:
         return []
-    if sum(name[0] in _GIVEN for name in rejected) >= _SEVERAL:
+    gone = sum(name[0] in _GIVEN for name in rejected)
+    by_chance = problem.test.alpha * (rows.starts[2] - rows.image + gone)
+    if problem.given is None and gone >= max(_SEVERAL, _SEVERAL * by_chance):
         with suppress(NotComputableError):
             block = adjust_onward(with_given_back(problem), block)
             problem = block.problem
