@@ -1,6 +1,7 @@
-"""What is wrong with control as a whole: the mirror image of what the photos show, or exchanged.
+"""What is wrong with what is given as a whole: a mirror image of the photos, exchanged, or foreign.
 
-The free network of the photos, in which control has no influence, tells.
+The free network of the photos, in which nothing that is given has influence, tells; of control and
+stated positions also which of them it is that the photos do not agree with.
 """
 
 from __future__ import annotations
@@ -9,7 +10,6 @@ from functools import cached_property
 
 import numpy as np
 
-from anaplot.aliases import Array
 from anaplot.bundle.solve.gaussnewton import NoConvergenceError
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.linearised import objective
@@ -18,16 +18,19 @@ from anaplot.bundle.solve.structure import Structure
 from anaplot.bundle.solve.upright import look_up
 from anaplot.bundle.start.absolute import turn_onto
 from anaplot.bundle.start.freenetwork import free_network
+from anaplot.bundle.start.givenfamilies import (
+    CLEARLY,
+    FEWEST,
+    foreign_family,
+    known_control,
+    misfit,
+)
 from anaplot.bundle.start.robustsuspects import no_minimum_error
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.exchangedpoints import ControlRemark, likely_exchange
-from anaplot.photogrammetry.similarity import robust_similarity
 
 __all__ = ["WithoutControl", "unsolved_error"]
 
-_FEWEST = 4  # control points of which a mirror image may be told from the block itself
-_CLEARLY = 20.0  # times better than the block has its mirror image to fit
-_MOST = 0.75  # of the control points, and fit these
 _IN_SCALE = 2.5  # sigma0 without control, or one over it: the photos agree with their sigma
 _TOGETHER = 0.9  # length of the mean direction in which photos look that are taken from above
 _SMALL = 10_000  # rays of a block of which a wrong control point bends nearly all
@@ -54,7 +57,15 @@ class WithoutControl:
 
     @cached_property
     def remark(self) -> ControlRemark | None:
-        """What is wrong with control as a whole; None where nothing is.
+        """What is wrong with control, or with stated positions, as a whole; None: nothing."""
+        if self._problem.defect or len(known_control(self._problem, plan=True)) < FEWEST:
+            return None
+        if self._network is None:
+            return None
+        return self._of_control(*self._network) or foreign_family(self._problem, *self._network)
+
+    def _of_control(self, free: Problem, bare: BlockState) -> ControlRemark | None:
+        """Return what is wrong with control alone.
 
         That it is the mirror image of what the photos show: no rotation makes one of the other, and
         adjusted together they tear the block anywhere. Control in one plane fits both. Or that two
@@ -63,19 +74,20 @@ class WithoutControl:
         plan are asked below photos that look down together.
         """
         problem = self._problem
-        if problem.defect or len(_known(problem, plan=True)) < _FEWEST or self._network is None:
-            return None
-        free, bare = self._network
         at = {point: k for k, point in enumerate(free.points)}
-        known = {name: xyz for name, xyz in _known(problem, plan=False).items() if name in at}
-        if len(known) < _FEWEST:
-            plan = {name: xyz for name, xyz in _known(problem, plan=True).items() if name in at}
+        known = {
+            name: xyz for name, xyz in known_control(problem, plan=False).items() if name in at
+        }
+        if len(known) < FEWEST:
+            plan = {
+                name: xyz for name, xyz in known_control(problem, plan=True).items() if name in at
+            }
             return _exchanged_in_plan(bare, plan, [at[name] for name in plan])
         ground = np.array(list(known.values()), dtype=float)
         ground -= ground.mean(axis=0)
         network = bare.points[[at[name] for name in known]]
-        by_itself, by_mirror = (_misfit(side * network, ground) for side in (1.0, -1.0))
-        if by_mirror * _CLEARLY < by_itself:
+        by_itself, by_mirror = (misfit(side * network, ground) for side in (1.0, -1.0))
+        if by_mirror * CLEARLY < by_itself:
             return ControlRemark(
                 "control is the mirror image of what the photos show: mirrored it fits to "
                 f"{by_mirror:.2g} m, else to {by_itself:.2g} m; does y of the images point down, "
@@ -103,22 +115,13 @@ class WithoutControl:
         return usual / _IN_SCALE**2 <= vtpv <= usual * _IN_SCALE**2
 
 
-def _known(problem: Problem, *, plan: bool) -> dict[str, tuple[float | None, ...]]:
-    """Return the control of which all is known, or X and Y at least, by name."""
-    return {
-        row.point: row.xyz
-        for row in problem.block.control
-        if row.use == "control" and None not in (row.xyz[:2] if plan else row.xyz)
-    }
-
-
 def _exchanged_in_plan(
     bare: BlockState, known: dict[str, tuple[float | None, ...]], at: list[int]
 ) -> ControlRemark | None:
     """Say which two points known in plan are exchanged, below photos that look down together."""
     down = -bare.rotations[:, :, 2].mean(axis=0)
     length = float(np.linalg.norm(down))
-    if len(known) < _FEWEST or length < _TOGETHER:
+    if len(known) < FEWEST or length < _TOGETHER:
         return None
     upright = turn_onto(down / length, np.array([0.0, 0.0, -1.0]))
     network = bare.points[at] @ upright.T
@@ -140,12 +143,3 @@ def unsolved_error(
     return NoConvergenceError(
         f"block {problem.block.name}: no solution found: {remark.text}", start
     )
-
-
-def _misfit(network: Array, ground: Array) -> float:
-    """Return what most points miss by [m] after a similarity; infinite where there is none."""
-    found = robust_similarity(network, ground)
-    if found is None:
-        return float("inf")
-    off = np.linalg.norm(found[0].apply(network) - ground, axis=1)
-    return float(np.quantile(off, _MOST, method="higher"))
