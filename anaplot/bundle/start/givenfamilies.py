@@ -16,7 +16,7 @@ from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.upright import look_up
 from anaplot.photogrammetry.exchangedpoints import ControlRemark
-from anaplot.photogrammetry.similarity import robust_similarity
+from anaplot.photogrammetry.similarity import Similarity, robust_similarity
 
 __all__ = ["CLEARLY", "FEWEST", "foreign_family", "known_control", "misfit"]
 
@@ -42,11 +42,15 @@ def known_control(problem: Problem, *, plan: bool) -> dict[str, _Given]:
 
 def misfit(network: Array, ground: Array) -> float:
     """Return what most points miss by [m] after a similarity; infinite where there is none."""
+    return _fitted(network, ground)[0]
+
+
+def _fitted(network: Array, ground: Array) -> tuple[float, Similarity | None]:
     found = robust_similarity(network, ground)
     if found is None:
-        return float("inf")
+        return float("inf"), None
     off = np.linalg.norm(found[0].apply(network) - ground, axis=1)
-    return float(np.quantile(off, _MOST, method="higher"))
+    return float(np.quantile(off, _MOST, method="higher")), found[0]
 
 
 def foreign_family(problem: Problem, free: Problem, bare: BlockState) -> ControlRemark | None:
@@ -113,10 +117,8 @@ class _Laid(NamedTuple):
     ) -> _Laid:
         ground = np.array(list(given.values()), dtype=float)
         ground -= ground.mean(axis=0)
-        network = places[list(given)]
-        found = robust_similarity(network, ground)
-        up = found is not None and look_up(free, found[0].rotation @ bare.rotations)
-        return cls(misfit(network, ground), up)
+        off, fitted = _fitted(places[list(given)], ground)
+        return cls(off, fitted is not None and look_up(free, fitted.rotation @ bare.rotations))
 
     def __str__(self) -> str:
         return "looking up" if self.up else f"to {self.off:.2g} m"
