@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 from anaplot.errors import InputError
-from anaplot.exchange.blockfolder import BLOCK_TOML, CONTROL_CSV, write_block
+from anaplot.exchange.blockfolder import block_files, write_block
 from anaplot.exchange.blocktoml import format_block_toml
 from anaplot.exchange.controlcsv import parse_control
 from anaplot.exchange.formats.door import SOURCE, Imported
@@ -50,14 +50,14 @@ def write_imported(folder: Path, imported: Imported, read: Path) -> None:
         try:
             write_block(folder, imported.block, text=text.lstrip("\n"))
             if imported.block.control or imported.block.priors:
-                parse_control(folder / CONTROL_CSV)
+                parse_control(block_files(folder)[2])
         except InputError as error:
             raise _of_source(error, folder, read) from None
 
 
 def _of_source(error: InputError, folder: Path, read: Path) -> InputError:
     """Return an error about a line of a file that is not there for long as one of what was read."""
-    for path in (folder / BLOCK_TOML, folder / CONTROL_CSV):
+    for path in block_files(folder):
         begin, colon, wrong = str(error).partition(": ")
         if colon and begin.startswith(f"{place(path)} line "):
             return InputError(f"{place(read)}: no block can hold it: {wrong}")

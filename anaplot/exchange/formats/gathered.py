@@ -19,6 +19,7 @@ __all__ = [
     "check_order",
     "check_with",
     "fields_of",
+    "ground_number",
     "head_of",
     "image_sigma",
     "named",
