@@ -332,19 +332,19 @@ def evaluate(
 def _behind(problem: Problem, behind: Bools) -> list[str]:
     """Say which points lie behind their photos; where most of a photo's do, the photo is wrong."""
     rays, gone = (
-        np.bincount(problem.photo[some], minlength=len(problem.photos))
-        for some in (np.ones(len(behind), dtype=bool), behind)
+        np.bincount(photos, minlength=len(problem.photos))
+        for photos in (problem.photo, problem.photo[behind])
     )
     turned = 2 * gone > rays
     out = [
         f"{gone[photo]} of {rays[photo]} points of photo {problem.photos[photo]} lie behind it: it "
         "has another place, too little tells which"
-        for photo in np.flatnonzero(turned).tolist()
+        for photo in np.flatnonzero(turned)[:_MOST_BEHIND].tolist()
     ]
     out += [
         f"point {problem.points[problem.point[k]]} lies behind photo "
         f"{problem.photos[problem.photo[k]]}: remeasure it"
-        for k in np.flatnonzero(behind & ~turned[problem.photo]).tolist()
+        for k in np.flatnonzero(behind & ~turned[problem.photo])[:_MOST_BEHIND].tolist()
     ]
     return out[:_MOST_BEHIND]
 

@@ -13,6 +13,7 @@ from gnssblocks import Dense, flown
 from anaplot.bundle.adjust import adjust_block, adjust_problem
 from anaplot.bundle.epochs.displacements import compare_epochs
 from anaplot.bundle.errors.grosserrors import block_gross_errors
+from anaplot.bundle.hypotheses import offsetadvice
 from anaplot.bundle.hypotheses.offsetadvice import offset_advice
 from anaplot.bundle.hypotheses.offsettests import offset_rows, offset_tests
 from anaplot.bundle.solve.additional import additional_parameters
@@ -489,6 +490,19 @@ def test_what_a_search_takes_apart_is_asked_whole():
     assert offset_advice(found.block) == []
     (advised,) = offset_advice(found.block, rejected)
     assert advised.kind == "shift"
+
+
+def test_nothing_is_adjusted_again_where_nothing_is_stated(monkeypatch):
+    block = flown(PriorOffsets(), seed=8, angles=False).scene.block
+    bare = tuple(replace(photo, position=None, position_sigma=None) for photo in block.photos)
+    found = adjust_block(replace(block, photos=bare))
+    rejected = [("control", row.point, "Z") for row in block.control[:3]]
+
+    def again(*_):
+        raise AssertionError
+
+    monkeypatch.setattr(offsetadvice, "adjust_onward", again)
+    assert offset_advice(found, rejected) == []
 
 
 def test_where_one_observation_explains_more_no_offset_is_advised():

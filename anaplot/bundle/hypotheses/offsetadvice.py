@@ -80,7 +80,8 @@ def offset_advice(
         return []
     gone = sum(name[0] in _GIVEN for name in rejected)
     by_chance = problem.test.alpha * (rows.starts[2] - rows.image + gone)
-    if problem.given is None and gone >= max(_SEVERAL, _SEVERAL * by_chance):
+    stated = any(one.position_sigma or one.rotation_sigma for one in problem.block.photos)
+    if stated and problem.given is None and gone >= _SEVERAL * max(1.0, by_chance):
         with suppress(NotComputableError):
             block = adjust_onward(with_given_back(problem), block)
             problem = block.problem
