@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import gc
-import sys
 from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
@@ -28,14 +26,12 @@ from anaplot.console.panels import WELCOME, AdvicePanel
 from anaplot.console.reportwriting import WriteReport
 from anaplot.console.screen import OrientationScreen
 from anaplot.console.stationlike import ControlsLike, StationLike
+from anaplot.console.tidying import at_ease
 
 if TYPE_CHECKING:
     from anaplot.console.palette import PointProvider
 
 __all__ = ["KEPT", "THEME", "ConsoleApp", "run_console"]
-
-_SWITCH = 0.001  # s after which a thread that computes lets others on: screen and station wait
-_COLLECTED = (700, 10, 10)  # of new objects, often and little at a time: Python's own
 
 KEPT = 1
 """Result of a console whose operator keeps a block that would be deleted."""
@@ -235,32 +231,21 @@ def run_console(
     InputError
         When the keymap cannot be read or is not valid.
     """
-    interval, limits = sys.getswitchinterval(), gc.get_threshold()
-    try:
-        # threads are waited for at the end of the loop: the block is free before
-        with asyncio.Runner() as runner, contextlib.closing(station):
-            keys = (
-                load_keymap(default_path(), required=False)
-                if keymap is None
-                else load_keymap(keymap)
-            )
-            app = ConsoleApp(
-                station,
-                keys,
-                controls=controls,
-                kept=Kept(default_path().with_name("console.toml")),
-                temporary=keep is not None,
-                report=report,
-            )
-            sys.setswitchinterval(_SWITCH)
-            # what is loaded by now stays: looking through it took 0.1 s in the middle of a record
-            gc.freeze()
-            gc.set_threshold(*_COLLECTED)
+    # threads are waited for at the end of the loop: the block is free before
+    with asyncio.Runner() as runner, contextlib.closing(station):
+        keys = (
+            load_keymap(default_path(), required=False) if keymap is None else load_keymap(keymap)
+        )
+        app = ConsoleApp(
+            station,
+            keys,
+            controls=controls,
+            kept=Kept(default_path().with_name("console.toml")),
+            temporary=keep is not None,
+            report=report,
+        )
+        with at_ease():
             result = app.run(loop=runner.get_loop())
-    finally:
-        sys.setswitchinterval(interval)
-        gc.set_threshold(*limits)
-        gc.unfreeze()
     if result == KEPT and keep is not None:
         keep()
     return app.return_code or 0

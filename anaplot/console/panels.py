@@ -41,6 +41,7 @@ _GAP: Part = ("   ", "")
 _NARROW_GAP: Part = (" ", "")
 _SECONDS_SHOWN = 10.0
 _MOST_SHOWN = 20
+_PAINTED = 500  # lines whose cells a panel keeps
 _SECONDS_HELD = 6.0  # in which nothing takes the place of where a report lies
 
 WELCOME = (
@@ -118,6 +119,7 @@ class _Lines(Widget):
 
     _shown: list[Content] | None = None
     _shown_in = Size()
+    _painted: dict[tuple[object, ...], Strip] | None = None
 
     def show_lines(self) -> None:
         """Paint the lines that are others now; of a panel that is hidden none are made."""
@@ -144,18 +146,36 @@ class _Lines(Widget):
 
     def render_line(self, y: int) -> Strip:
         """Return one line; those that are painted already are not made again."""
-        shown = self._shown
-        if shown is None or self._shown_in != self.size:
+        shown, size = self._shown, self.size
+        if shown is None or self._shown_in != size:
             shown = self._fitted()
-        width, style = self.size.width, self.visual_style
+        width, style = size.width, self.visual_style
         if y >= len(shown):
             return Strip.blank(width, style.rich_style)
-        return Visual.to_strips(self, shown[y], width, 1, style)[0]
+        if self.text_selection is not None:
+            return Visual.to_strips(self, shown[y], width, 1, style)[0]
+        # a new message moves all that are older by a line: the text of none of them is laid anew
+        if self._painted is None or len(self._painted) > _PAINTED:
+            self._painted = {}
+        key = (width, *_compared_line(shown[y]))
+        strip = self._painted.get(key)
+        if strip is None:
+            strip = self._painted[key] = Visual.to_strips(self, shown[y], width, 1, style)[0]
+        return strip
+
+    def notify_style_update(self) -> None:
+        """Paint again in the new colours."""
+        self._painted = None
+        super().notify_style_update()
 
 
 def _compared(lines: list[Content]) -> list[tuple[object, ...]]:
     """Return what lines differ by: contents are equal when their text is."""
-    return [(line.plain, *line.spans) for line in lines]
+    return [_compared_line(line) for line in lines]
+
+
+def _compared_line(line: Content) -> tuple[object, ...]:
+    return (line.plain, *line.spans)
 
 
 class HeaderPanel(_Lines):

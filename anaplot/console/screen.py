@@ -55,6 +55,7 @@ from anaplot.console.situation import Situation
 from anaplot.console.stationlike import ControlsLike, StationLike
 from anaplot.console.stereoview import StereoView
 from anaplot.console.tableview import TableView
+from anaplot.console.tidying import tidy
 from anaplot.console.wheels import TURNS
 from anaplot.console.whyline import why_line
 from anaplot.session import commands
@@ -63,7 +64,9 @@ from anaplot.station.snapshot import Snapshot
 __all__ = ["OrientationScreen"]
 
 _READOUT_HZ = 20.0
-_TOGETHER = 0.01  # s
+_TOGETHER = 0.03  # s
+_TABLE_SHOWN = 0.1  # s after a record, when its table is on the screen
+_QUIET = 5.0  # s without news
 _READABLE = ("live", "replay")  # states of a link whose read-out is one
 
 
@@ -186,6 +189,7 @@ class OrientationScreen(Screen[None]):
         self._show(self._station.snapshot(), first=True)
         self._poll()
         self.set_interval(1.0 / _READOUT_HZ, self._poll)
+        self._quiet = self.set_interval(_QUIET, tidy)
 
     def on_unmount(self) -> None:
         """Let the station go; commands given so far are carried out."""
@@ -201,6 +205,7 @@ class OrientationScreen(Screen[None]):
 
     def on_orientation_screen_woken(self) -> None:
         """Show the newest snapshot and all notices."""
+        self._quiet.reset()
         snapshot, notices = self._connection.take()
         self._unread += notices
         if snapshot is None:
@@ -217,6 +222,7 @@ class OrientationScreen(Screen[None]):
             self._say(severity, text)
         if any(severity == "record" for severity, _ in notices):
             self.app.bell()
+            self.set_timer(_TABLE_SHOWN, tidy)
 
     # -- showing ---------------------------------------------------------------------------
 
