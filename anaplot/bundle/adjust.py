@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import replace
 from math import sqrt
 
@@ -31,6 +32,7 @@ from anaplot.bundle.start.halfrays import (
     unchecked,
     without_doubtful,
 )
+from anaplot.bundle.start.parallelrays import with_meeting, without_parallel
 from anaplot.bundle.start.pull import TORN
 from anaplot.bundle.start.robustsuspects import robust_suspects
 from anaplot.bundle.start.stated import stated_remarks
@@ -46,6 +48,7 @@ __all__ = [
     "points_settled",
 ]
 
+_MOST_ROUNDS = 3  # of points whose rays are seen to be parallel
 _MOST_BEHIND = 10  # remarks on points behind photos
 _FEW_RAYS = 10_000  # up to which a block that does not fit is compared with its mirror image
 
@@ -145,7 +148,8 @@ def adjust_problem(
 
     One way after another to approximate values, until one leads to a minimum that fits the
     measurements. Where none does, because there are gross errors, the best minimum counts. Points
-    that half rays do not determine are left out.
+    that half rays do not determine are left out; so are, where there is no solution with them,
+    points whose rays do not meet at an angle.
 
     Parameters
     ----------
@@ -168,12 +172,35 @@ def adjust_problem(
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             if start is None:
                 problem, start = points_settled(problem, progress=progress)
-            return _adjusted(problem, start, ahead, progress)
+            return _but_parallel(problem, start, ahead, progress)
     except np.linalg.LinAlgError as error:
         raise NotComputableError(
             f"block {problem.block.name}: no approximate values found: the measurements "
             "contradict each other"
         ) from error
+
+
+def _but_parallel(
+    problem: Problem, start: BlockState | None, ahead: Ahead | None, progress: Progress | None
+) -> AdjustedBlock:
+    """Adjust a bundle, and leave out the points of parallel rays where these leave it unsolved."""
+    try:
+        return _adjusted(problem, start, ahead, progress)
+    except NotComputableError as error:
+        smaller = without_parallel(problem, error)
+        for _ in range(_MOST_ROUNDS):
+            if smaller is None:
+                break
+            try:
+                found = _adjusted(*smaller, None, progress)
+            except NotComputableError as other:
+                smaller = without_parallel(smaller[0], other)
+                continue
+            more = with_meeting(problem, smaller[0], found.state)
+            with contextlib.suppress(NotComputableError):
+                found = found if more is None else _adjusted(*more, None, progress)
+            return found
+        raise
 
 
 def _adjusted(

@@ -8,6 +8,7 @@ from anaplot.aliases import Progress
 from anaplot.bundle.adjust import adjust_bundle, adjust_problem
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.gaussnewton import NoConvergenceError
+from anaplot.bundle.solve.openmovement import LeftOpenError
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.start.approximate import extended_state
 from anaplot.bundle.start.halfrays import half_seen, settled_points, without_doubtful
@@ -45,5 +46,5 @@ def adjust_onward(
         # whatever bad data makes infinite on the way is looked at where it matters
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             return adjust_bundle(settled, extended, progress=progress)
-    except (NoConvergenceError, np.linalg.LinAlgError):
+    except (NoConvergenceError, LeftOpenError, np.linalg.LinAlgError):
         return adjust_problem(problem, progress=progress)

@@ -24,6 +24,7 @@ from anaplot.exchange.recordline import (
     UnknownKindError,
     claimed_format,
     decode_line,
+    was_confirmed,
 )
 from anaplot.session.events import Event
 from anaplot.textfiles.inputfile import open_input
@@ -421,7 +422,8 @@ class _FileReader:
         anything stands behind it. When it is the last, a power cut may have come before it was
         acknowledged: such a cut leaves zeros, where another damage leaves other bytes.
         Records of older versions do not say it and count as durable. A line that was changed,
-        neither torn nor zeros, is damage whatever whole record stands behind it.
+        neither torn nor zeros, is damage whatever whole record stands behind it, and, where it was
+        durable or has been given another end, also where none does.
 
         Parameters
         ----------
@@ -440,6 +442,9 @@ class _FileReader:
             raw, left, has_zeros = self._to_its_end(file, raw, left)
             record = self._record(raw, number)
             if isinstance(record, DamagedLineError):
+                whole_text = raw.endswith(b"\n") and not has_zeros
+                if whole_text and (was_confirmed(raw[:-1]) or raw.endswith(b"\r\n")):
+                    raise self._damaged(line, damage)
                 zeros = zeros and has_zeros
                 changed = changed or (record.changed and not has_zeros)
                 # The beginning of a line may be zeros, and a record stand whole behind them.

@@ -24,6 +24,7 @@ __all__ = [
     "claimed_format",
     "decode_line",
     "encode_line",
+    "was_confirmed",
 ]
 
 JOURNAL_FORMAT = 1
@@ -161,8 +162,9 @@ def decode_line(
     DamagedLineError
         The line is not one that `encode_line` wrote.
     """
-    tail = _TAIL.fullmatch(raw, max(len(raw) - _TAIL_LENGTH, 0))
-    head = _HEAD.match(raw)
+    head, tail = _ends(raw)
+    if raw.endswith(b"\r") and _ends(raw[:-1])[1] is not None:
+        raise DamagedLineError("its end is CR LF, as an editor or a transfer as text leaves it")
     if tail is None or head is None:
         raise DamagedLineError("not a complete record", changed=False)
     body = raw[: tail.start()]
@@ -178,6 +180,23 @@ def decode_line(
     durable = None if head[4] is None else head[4] == b"true"
     payload = _payload(body) if wanted else {}
     return JournalRecord(int(head[1]), time, kind, payload, file, line, durable), wanted
+
+
+def was_confirmed(raw: bytes) -> bool:
+    """Whether a line that is no record has been one that somebody was told is on disk.
+
+    It has the beginning or the end of a record, and nothing in it says that nobody was told.
+
+    Parameters
+    ----------
+    raw
+        A whole line without its end, in which nothing is zeros.
+    """
+    return any(_ends(raw)) and b'"durable":false' not in raw
+
+
+def _ends(raw: bytes) -> tuple[re.Match[bytes] | None, re.Match[bytes] | None]:
+    return _HEAD.match(raw), _TAIL.fullmatch(raw, max(len(raw) - _TAIL_LENGTH, 0))
 
 
 def claimed_format(raw: bytes) -> int | None:

@@ -154,7 +154,7 @@ def _lines(file: BinaryIO) -> Iterator[tuple[int, bytes]]:
 
 def _whole(raw: bytes, name: str, line: int) -> tuple[JournalRecord | None, str]:
     """Return the record of a line, and what is wrong with the line."""
-    raw = raw.removesuffix(b"\n")
+    raw = raw.removesuffix(b"\n").removesuffix(b"\r")
     why = ""
     # A record may stand whole behind the zeros of those before it.
     for part in (raw, raw.rpartition(b"\0")[2]):

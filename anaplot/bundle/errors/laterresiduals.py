@@ -34,7 +34,7 @@ def left_open(
 ) -> NotComputableError:
     """Return the error that names what a bundle leaves open at a place; see `undetermined`."""
     tie = anchor(problem, state) if problem.defect else None
-    return undetermined(problem, structure, linearise(problem, state), tie, error)
+    return undetermined(problem, structure, state, linearise(problem, state), tie, error)
 
 
 class LaterResiduals(NamedRows):

@@ -192,7 +192,7 @@ def find_minimum(
     ------
     NoConvergenceError
         There is no minimum to be found from here; `no_minimum` says why.
-    NotComputableError
+    LeftOpenError
         The observations leave something open at the minimum, or, where it is `firm`, at the start.
     """
     state = start = rescaled(problem, start)
@@ -242,7 +242,7 @@ def find_minimum(
             if step is None and damping == 0.0:
                 open_here = True
                 if firm and accepted == led:
-                    _determined(problem, structure, linear, tie)
+                    _determined(problem, structure, state, linear, tie)
             damping, growth = max(damping * growth, _LEAST), 2.0 * growth
             if damping > _RUNAWAY:
                 raise NoConvergenceError(_ended(problem, value, accepted), state)
@@ -496,19 +496,23 @@ def equations_at(
 
     Raises
     ------
-    NotComputableError
+    LeftOpenError
         The observations leave something open there.
     """
     tie = anchor(problem, state) if problem.defect else None
     if linear is None:
         linear = linearise(problem, state)
-    normal, factor = _determined(problem, structure, linear, tie)
+    normal, factor = _determined(problem, structure, state, linear, tie)
     normal.offset_update(factor)
     return normal, factor, tie
 
 
 def _determined(
-    problem: Problem, structure: Structure, linear: Linearised, tie: Anchor | None
+    problem: Problem,
+    structure: Structure,
+    state: BlockState,
+    linear: Linearised,
+    tie: Anchor | None,
 ) -> tuple[NormalEquations, Factor]:
     """Return equations without damping and their factor, or say what is left open."""
     try:
@@ -517,4 +521,4 @@ def _determined(
         )
         return normal, normal.factor()
     except (PointError, NotPositiveError) as error:
-        raise undetermined(problem, structure, linear, tie, error) from error
+        raise undetermined(problem, structure, state, linear, tie, error) from error

@@ -28,7 +28,14 @@ from anaplot.bundle.solve.structure import Structure, make_structure
 from anaplot.errors import NotComputableError
 from anaplot.textfiles.wording import quoted
 
-__all__ = ["Solved", "held_by_noise", "held_by_noise_at", "parameters_left_open", "undetermined"]
+__all__ = [
+    "LeftOpenError",
+    "Solved",
+    "held_by_noise",
+    "held_by_noise_at",
+    "parameters_left_open",
+    "undetermined",
+]
 
 
 Solved = tuple[NormalEquations, Factor]  # the equations at a state, and their factor
@@ -44,19 +51,41 @@ _MOST = 10.0  # sigmas that errors spoil the geometry by, at most: larger ones l
 _FAR = 20.0  # sigmas that a photo's rays are off in the median: it lies nowhere near its place
 
 
+class LeftOpenError(NotComputableError):
+    """The observations leave something open.
+
+    Parameters
+    ----------
+    text
+        What is said of it.
+    state
+        Where.
+
+    Attributes
+    ----------
+    state
+        As above.
+    """
+
+    def __init__(self, text: str, state: BlockState) -> None:
+        super().__init__(text)
+        self.state = state
+
+
 def undetermined(
     problem: Problem,
     structure: Structure,
+    state: BlockState,
     linear: Linearised,
     tie: Anchor | None,
     error: PointError | NotPositiveError,
-) -> NotComputableError:
+) -> LeftOpenError:
     """Return the error that names the photos or points that the observations leave open.
 
     Parameters
     ----------
-    problem, structure, linear
-        The bundle, and where it is linearised.
+    problem, structure, state, linear
+        The bundle, where it is, and linearised there.
     tie
         What holds a datum that is missing, or None.
     error
@@ -65,9 +94,10 @@ def undetermined(
     name = problem.block.name
     if isinstance(error, PointError):
         open_points = [problem.points[k] for k in error.points.tolist()]
-        return NotComputableError(
+        return LeftOpenError(
             f"block {name}: not determined: points {listed(open_points)}: their rays do not meet "
-            "at an angle"
+            "at an angle",
+            state,
         )
     weights = None if tie is None else tie.weights
     # conditions between points are no part of what determines a block
@@ -77,9 +107,10 @@ def undetermined(
         factor = normal.factor()
     except (PointError, NotPositiveError):
         photo = "" if error.photo is None else f": photo {problem.photos[error.photo]}"
-        return NotComputableError(f"block {name}: not determined{photo}")
+        return LeftOpenError(f"block {name}: not determined{photo}", state)
     found = _weakest(normal, factor, 1)
-    return NotComputableError(_left_open(problem, _share(found.size[:, :, 0]), normal, factor))
+    text = _left_open(problem, _share(found.size[:, :, 0]), normal, factor)
+    return LeftOpenError(text, state)
 
 
 def held_by_noise(

@@ -10,7 +10,7 @@ import numpy as np
 from anaplot.aliases import Index
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.problem import Problem, make_problem
-from anaplot.bundle.solve.selection import FAR_APART, HALF_RAYS
+from anaplot.bundle.solve.selection import FAR_APART, HALF_RAYS, NO_ANGLE
 from anaplot.photogrammetry.block import Block, ImagePoint
 
 __all__ = [
@@ -22,6 +22,8 @@ __all__ = [
     "without_points",
     "without_same",
 ]
+
+_WHATEVER_CHANGES = (FAR_APART, NO_ANGLE)  # why points stay out when other rows change
 
 
 def laid_out_again(problem: Problem, block: Block) -> Problem:
@@ -35,15 +37,17 @@ def laid_out_again(problem: Problem, block: Block) -> Problem:
     InputError, NotComputableError
         As `make_problem`.
     """
-    apart = [name for name, why in (problem.undetermined or {}).items() if why == FAR_APART]
-    if apart:
-        before, now = (_rows_of(one, apart) for one in (problem.block, block))
-        apart = [name for name in apart if before[name] == now[name]]
+    out = {
+        name: why for name, why in (problem.undetermined or {}).items() if why in _WHATEVER_CHANGES
+    }
+    if out:
+        before, now = (_rows_of(one, out) for one in (problem.block, block))
+        out = {name: why for name, why in out.items() if before[name] == now[name]}
     anew = make_problem(
         block,
         datum=problem.datum,
         additional=problem.additional,
-        undetermined=dict.fromkeys(apart, FAR_APART) or None,
+        undetermined=out or None,
     )
     return without_same(anew, problem)
 

@@ -14,6 +14,7 @@ from anaplot.photogrammetry.block import Block
 __all__ = [
     "FAR_APART",
     "HALF_RAYS",
+    "NO_ANGLE",
     "LeftOut",
     "counted_in_photos",
     "left_out_sentences",
@@ -25,6 +26,9 @@ HALF_RAYS = "has rays of which x or y is off, and the rest does not meet before 
 
 FAR_APART = "has rays far apart, and too little to tell which of them, or of its control, is wrong"
 """Why a point takes no part whose rays gross errors keep from meeting."""
+
+NO_ANGLE = "has rays that do not meet at an angle"
+"""Why a point takes no part that is as far away as its rays can tell, or seen from one place."""
 
 _MOST_LEFT_OUT = 20  # that are named
 _MOST_ALIKE = 4  # points left out for the same reason that are named one by one

@@ -36,6 +36,7 @@ from anaplot.errors import NotComputableError
 
 __all__ = [
     "SEARCHES",
+    "LostPointsError",
     "Way",
     "approximate_ways",
     "completed_state",
@@ -365,14 +366,42 @@ def _taken_over(problem: Problem, last: Problem, state: BlockState) -> SubBlock:
     return subblock
 
 
+class LostPointsError(NotComputableError):
+    """No approximate coordinates are found for points.
+
+    Parameters
+    ----------
+    text
+        What is said of it.
+    subblock
+        The photos, and the other points.
+
+    Attributes
+    ----------
+    subblock
+        As above.
+    """
+
+    def __init__(self, text: str, subblock: SubBlock) -> None:
+        super().__init__(text)
+        self.subblock = subblock
+
+
 def state_of(problem: Problem, subblock: SubBlock) -> BlockState:
-    """Return a complete subblock as the state of a bundle."""
+    """Return a complete subblock as the state of a bundle.
+
+    Raises
+    ------
+    LostPointsError
+        It is not complete.
+    """
     points = np.where(problem.fixed, problem.known, subblock.points)
     lost = np.nonzero(~np.isfinite(points).all(axis=1))[0]
     if len(lost) or not bool(np.isfinite(subblock.centres).all()):
-        raise NotComputableError(
+        raise LostPointsError(
             f"block {problem.block.name}: no approximate coordinates found for the points "
-            f"{listed([problem.points[k] for k in lost.tolist()])}"
+            f"{listed([problem.points[k] for k in lost.tolist()])}",
+            subblock,
         )
     origin = np.round(points.mean(axis=0))
     return BlockState(

@@ -8,6 +8,7 @@ orientations are; and as three planes check nothing, orientations can do without
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -22,8 +23,10 @@ from anaplot.bundle.start.subblock import SubBlock
 from anaplot.errors import NotComputableError
 
 __all__ = [
+    "by_rays_alone",
     "half_seen",
     "met_planes",
+    "plane_normals",
     "settled_points",
     "unchecked",
     "without_doubtful",
@@ -45,10 +48,10 @@ def half_seen(problem: Problem) -> Bools:
         return out
     x, y = _photos_counting(problem)
     out = (x != y) & (np.minimum(x, y) <= 1)
-    return out & _by_rays_alone(problem)
+    return out & by_rays_alone(problem)
 
 
-def _by_rays_alone(problem: Problem) -> Bools:
+def by_rays_alone(problem: Problem) -> Bools:
     """(points,) points of which nothing but their rays knows where they are."""
     held = problem.fixed | np.isfinite(problem.ground_sigma).any(axis=0)
     out: Bools = ~np.asarray(held.any(axis=1))
@@ -120,6 +123,30 @@ def settled_points(
     return kept, replace(state_of(kept, subblock), own=state.own, shared=state.shared)
 
 
+def plane_normals(problem: Problem, rotations: Array, rays: Index) -> Iterator[Array]:
+    """Yield (k, 3) unit normals of the planes that x, then y, of some rays puts their points on.
+
+    Of coordinates that do not count they are zero.
+
+    Parameters
+    ----------
+    problem, rotations
+        The bundle, and (photos, 3, 3) rotations of its photos.
+    rays
+        (k,) of the bundle.
+    """
+    photo = problem.photo[rays]
+    turn, c = rotations[photo], problem.c[photo]
+    for axis in (0, 1):
+        normal = np.zeros((len(rays), 3))
+        normal[:, axis], normal[:, 2] = c, problem.ideal[rays, axis]
+        normal = np.einsum("nij,nj->ni", turn, normal)
+        normal /= np.linalg.norm(normal, axis=1)[:, None]
+        if problem.rejected is not None:
+            normal[problem.rejected[rays, axis]] = 0.0
+        yield normal
+
+
 def met_planes(problem: Problem, state: BlockState, points: Index) -> tuple[Array, Bools]:
     """Return (k, 3) where the planes of some points' coordinates meet [m], and which they fix."""
     number = np.full(len(problem.points), -1)
@@ -128,13 +155,7 @@ def met_planes(problem: Problem, state: BlockState, points: Index) -> tuple[Arra
     of_point, photo = number[problem.point[rays]], problem.photo[rays]
     turn, centre, c = state.rotations[photo], state.centres[photo], problem.c[photo]
     matrix, right = np.zeros((len(points), 3, 3)), np.zeros((len(points), 3))
-    for axis in (0, 1):
-        normal = np.zeros((len(rays), 3))
-        normal[:, axis], normal[:, 2] = c, problem.ideal[rays, axis]
-        normal = np.einsum("nij,nj->ni", turn, normal)
-        normal /= np.linalg.norm(normal, axis=1)[:, None]
-        if problem.rejected is not None:
-            normal[problem.rejected[rays, axis]] = 0.0
+    for normal in plane_normals(problem, state.rotations, rays):
         np.add.at(matrix, of_point, normal[:, :, None] * normal[:, None, :])
         np.add.at(right, of_point, normal * np.einsum("ni,ni->n", normal, centre)[:, None])
     weakest = np.linalg.eigvalsh(matrix)[:, 0]

@@ -62,7 +62,7 @@ def no_minimum_error(
         weights = None if tie is None else tie.weights
         NormalEquations(problem, structure, linear, 0.0, weights).factor()
     except (PointError, NotPositiveError) as error:
-        open_part = undetermined(problem, structure, linear, tie, error)
+        open_part = undetermined(problem, structure, best, linear, tie, error)
     worst = _suspects(problem, clearest)
     if not worst and open_part is not None:
         return open_part
