@@ -10,7 +10,7 @@ from typing import Any
 from anaplot.adjustment.tested import Observation
 from anaplot.orientation.accuracy import ModelAccuracy, model_accuracy
 from anaplot.orientation.diagnosis import diagnose
-from anaplot.orientation.results import ModelSolution, Row
+from anaplot.orientation.results import Diagnosis, ModelSolution, Row
 from anaplot.report.astext import line_text
 from anaplot.report.document import (
     BLANK,
@@ -120,7 +120,7 @@ def model_document(
         BLANK,
         *(say("  {}", sentence) for sentence in diagnosis.advice),
     ]
-    answer = _answer(model, accuracy, rows, points)
+    answer = _answer(model, diagnosis, accuracy, rows, points)
     answer["advice"] = list(diagnosis.advice)
     tables = [rows, points]
     if correlations:
@@ -153,8 +153,16 @@ def _deviations(accuracy: ModelAccuracy) -> tuple[list[Line], list[Line], list[L
     return [base], [rotation], [trace, points]
 
 
-def _answer(model: ModelSolution, accuracy: ModelAccuracy, rows: Table, points: Table) -> Answer:
-    odds = ((row.point, row.axis, row.probability) for row in model.table)
+def _answer(
+    model: ModelSolution,
+    diagnosis: Diagnosis,
+    accuracy: ModelAccuracy,
+    rows: Table,
+    points: Table,
+) -> Answer:
+    odds = (
+        (*key, chance) for key, chance in zip(model.tested.keys, diagnosis.chances, strict=True)
+    )
     return {
         "left": model.left,
         "right": model.right,
@@ -180,7 +188,7 @@ def _answer(model: ModelSolution, accuracy: ModelAccuracy, rows: Table, points: 
         "points": points,
         "ties": list(model.ties),
         "condition": model.condition,
-        "odds": {"none": model.tested.odds.none, "rows": table("odds", _ODDS, odds)},
+        "odds": {"none": diagnosis.none, "rows": table("odds", _ODDS, odds)},
         "remarks": list(model.remarks),
     }
 

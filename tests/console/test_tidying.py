@@ -8,12 +8,12 @@ import weakref
 from collections.abc import Iterator
 
 import pytest
+from consolefake import FakeStation, picture
+from screenreading import text, until
 
 from anaplot.console.app import ConsoleApp
 from anaplot.console.panels import DetailsPane, MessagePanel
 from anaplot.console.tidying import at_ease, tidy
-from tests.console.consolefake import FakeStation, picture
-from tests.console.screenreading import text, until
 
 
 class Circle:

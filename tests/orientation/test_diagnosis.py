@@ -1,5 +1,6 @@
 """What the operator is told beyond the table."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -21,6 +22,8 @@ from anaplot.adjustment.reliability import HARD_TO_TELL
 from anaplot.adjustment.significance import noncentrality, tau_power
 from anaplot.orientation.diagnosis import diagnose
 from anaplot.orientation.model import orient
+from anaplot.report.asjson import json_text
+from anaplot.report.modeldocument import model_document
 
 
 def models(precision=PAPER, test=TAU):
@@ -121,6 +124,29 @@ def test_the_chances_are_those_of_the_advice(kind):
     in_table = (*(row.probability for row in model.table), model.tested.odds.none)
     same = np.allclose((*d.chances, d.none), in_table, rtol=1e-9, atol=1e-12)
     assert same == (kind == "propagated")
+
+
+@pytest.mark.parametrize("kind", ["propagated", "exact"])
+def test_odds_for_programs_are_those_of_which_the_advice_speaks(kind):
+    """Of correlated ties no single row says what its error would do to all of them."""
+    f = fly(7, 3, tilt=3.0, kappa=10.0, noise=0.004)
+    precision = replace(PROPAGATED, tie_variance=kind)
+    first = bridge_flight(f, precision, BAARDA)[0]
+    pair = pair_of(f, 1, first)
+    told = []
+    for point in pair.points[:4]:
+        model = orient(spoiled(pair, point, "y", 0.05), precision, BAARDA)
+        d = diagnose(model)
+        answer = model_document(model, strip="s", number=2, count=2).answer
+        odds = json.loads(json_text(answer))["odds"]
+        assert odds["none"] == d.none
+        rows = odds["rows"]
+        assert tuple(row["probability"] for row in rows) == d.chances
+        best = max(rows, key=lambda row: row["probability"])
+        assert (best["point"], best["axis"]) == d.suspects[0]
+        in_table = [row.probability for row in model.table]
+        told.append(np.abs(np.subtract(d.chances, in_table)).max())
+    assert (max(told) < 1e-9) == (kind == "propagated")
 
 
 def test_a_wrong_x_at_a_tie_has_two_suspects():
