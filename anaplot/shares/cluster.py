@@ -29,6 +29,7 @@ _PATIENCE = 10.0  # seconds for an answer, and for a first worker
 _MORE = 1.0  # seconds that dask has to say itself that nobody answers
 _ALONE = 60.0  # seconds without any worker before nobody is waited for
 _EVERY = 2.0  # seconds after which workers are counted again
+_AGAIN = 0.2  # where nothing can be done without one
 _SAID = 200  # characters of somebody else's message
 _LOGGERS = ("distributed", "distributed.client", "distributed.core", "tornado.application")
 
@@ -196,13 +197,16 @@ class _Cluster:
 
     def look(self) -> None:
         self._count()
+        self._alone()
+
+    def _alone(self) -> None:
         if time.monotonic() > self._seen + self._of.alone:
             raise SharesLostError(f"{self._of.named()} has had no worker for {self._of.alone:g} s")
 
     def renew(self) -> None:
         for left in reversed(range(REPEATS + 1)):
+            self._wait_for_one()
             with self._asking():
-                self._client.wait_for_workers(1, timeout=self._of.patience)
                 try:
                     # to one; those that need it get it from whoever has it. dask's copies for all
                     # (`broadcast`) do not end where a worker is lost meanwhile
@@ -212,6 +216,16 @@ class _Cluster:
                     # so a worker that is lost just now shows itself, not only a lost scheduler
                     if not left:
                         raise
+
+    def _wait_for_one(self) -> None:
+        """Wait until there is a worker, as long as a scheduler without one is waited for."""
+        while True:
+            self._counted = 0.0
+            self._count()
+            if self._threads:
+                return
+            self._alone()
+            time.sleep(_AGAIN)
 
     @contextmanager
     def _asking(self) -> Iterator[None]:

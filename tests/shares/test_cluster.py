@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from concurrent.futures import CancelledError, Executor, ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
-from threading import Thread
+from threading import Thread, Timer
 from typing import Any
 
 import pytest
@@ -264,10 +264,27 @@ def test_workers_that_have_gone_for_good_are_not_waited_for() -> None:
             there.scale(0)
 
         place = Cluster(address_of(there), patience=1.0, alone=0.1)
-        with pytest.raises(SharesLostError, match=r"has had no worker for 0\.1 s|lost half-way"):
+        with pytest.raises(SharesLostError, match=r"has had no worker for 0\.1 s"):
             carry_out(Failing(-1), range(500), 500, place, take)
     assert 0 < len(found) < 500
     assert len(set(found)) == len(found)
+
+
+@pytest.mark.slow
+def test_a_worker_that_comes_back_within_the_minute_goes_on() -> None:
+    """However short the patience with a first answer is."""
+    found: list[int] = []
+    with cluster(1) as there:
+
+        def take(number: int) -> None:
+            found.append(number)
+            if len(found) == 3:
+                there.scale(0)
+                Timer(1.5, there.scale, [1]).start()
+
+        place = Cluster(address_of(there), patience=0.5)
+        carry_out(Failing(-1), range(40), 40, place, take)
+    assert sorted(found) == list(range(40))
 
 
 class Told:
