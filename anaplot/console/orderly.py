@@ -77,11 +77,12 @@ class OrderlyApp(App[Result]):
     def heed_signals(self) -> None:
         """Mind the signals of the system from now on, in the application's own loop.
 
-        A terminal that is closed and a polite kill end it. A process that goes on after it was
-        stopped takes the terminal up anew: the shell has used it meanwhile. A terminal that is
-        closed tells this, too, to whom it ends; the toolkit by itself would then read keys twice.
+        A terminal that is closed, a polite kill and an interrupt end it. A process that goes on
+        after it was stopped takes the terminal up anew: the shell has used it meanwhile. A terminal
+        that is closed tells this, too, to whom it ends; the toolkit by itself would then read keys
+        twice.
         """
-        for name in ("SIGTERM", "SIGHUP"):
+        for name in ("SIGTERM", "SIGHUP", "SIGINT"):
             if number := getattr(signal, name, 0):
                 self._heed(number, partial(self.exit, return_code=128 + number))
         if hasattr(signal, "SIGTSTP"):

@@ -257,7 +257,9 @@ def orient(
     if len(labels) != n or len(set(labels)) != n:
         raise InputError(f"names: {len(labels)} ({len(set(labels))} different) of {n} points")
     constants = c if isinstance(c, tuple) else (c, c)
-    for what, value in (*(("c", one) for one in constants), ("image_um", image_um)):
+    positive = [*(("c", one) for one in constants), ("image_um", image_um)]
+    positive += [] if base is None else [("base", base)]
+    for what, value in positive:
         if not 0.0 < value < math.inf:
             raise InputError(f"{what}: {value:g} is no positive number")
     for what, word, known in (

@@ -89,6 +89,11 @@ class Watched:
         with self._news:
             assert self._news.wait_for(lambda: self._heard.count(words) >= count, TIMEOUT)
 
+    def has(self, words: bytes) -> bool:
+        """Whether the console has written words so far."""
+        with self._news:
+            return words in self._heard
+
     def end(self) -> None:
         """Wait until nothing can come any more."""
         self._thread.join(TIMEOUT)
@@ -116,7 +121,7 @@ LEFT = b"\x1b[?1049l"
 TAKEN = b"\x1b[?1049h"
 
 
-@pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP"])
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP", "SIGINT"])
 @pytest.mark.parametrize("asks", [False, True])
 def test_a_signal_ends_the_console_with_its_code(name: str, asks: bool, tmp_path: Path) -> None:
     what = ("open", tmp_path / "new") if asks else ("demo", "--models", "1")
@@ -125,6 +130,7 @@ def test_a_signal_ends_the_console_with_its_code(name: str, asks: bool, tmp_path
         process.send_signal(getattr(signal, name))
         assert process.wait(TIMEOUT) == 128 + getattr(signal, name)
         watched.until(LEFT)
+    assert not watched.has(b"Traceback")
     assert not (tmp_path / "new").exists()
 
 
