@@ -174,13 +174,17 @@ class ConditionEquations:
         bx, beta_y, beta_z, rotation = state
         return intersect((bx, bx * beta_y, bx * beta_z), self.x1, rotation.dot(self.p2))
 
-    def front(self, state: ModelUnknowns) -> list[bool]:
-        """Return which of the points lie in front of both photos."""
+    def front(self, state: ModelUnknowns) -> tuple[list[bool], float]:
+        """Return which of the points lie in front of both photos, and how far they are.
+
+        The latter as the root mean square of their distances, in those of their image points from
+        the left projection centre: of all, the far ones count.
+        """
         bx, beta_y, beta_z, rotation = state
         x2 = rotation.dot(self.p2)
         left, right = ray_factors((bx, bx * beta_y, bx * beta_z), self.x1, x2)
         front: list[bool] = lie_in_front(left, right).tolist()
-        return front
+        return front, sqrt(float(left.dot(left)) / len(front))
 
     def bx_of_ties(self, beta_z: float, rotation: Array) -> float | None:
         """Return the median bx that the ties ask for, one collinearity equation each."""

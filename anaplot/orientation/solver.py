@@ -19,6 +19,7 @@ from anaplot.aliases import Array, Bools
 from anaplot.errors import NotComputableError
 from anaplot.orientation.conditionequations import ConditionEquations, ModelUnknowns
 from anaplot.orientation.pair import Stereopair
+from anaplot.orientation.turnedalone import turned_alone
 from anaplot.photogrammetry.block import TieVariance
 from anaplot.photogrammetry.rotation import turn
 
@@ -51,6 +52,7 @@ LARGEST_TURN = 0.4
 
 _MAX_ITERATIONS = 60
 _PAIRS_UP_TO = 16  # points of a model in which two wrong ones are looked for
+_FEW_PARALLAXES = 200.0  # sigmas: below, photos may be of one place, and are looked at
 _NO_BASE = 0.1  # of the preceding base: below, photos do not make a model
 _ROUGH = 3.0  # sigmas: up to there the rows agree
 _STEEP = 0.45  # rad between the axes of the photos of an aerial model, at most
@@ -196,18 +198,22 @@ class FoundOrientation(NamedTuple):
         In the frame of the strip, unless `across`.
     front
         Which points lie in front of both photos.
+    parallax
+        The x-parallax [mm] of points as far as they are in the root mean square.
     across
         Whether the base lies across x: the images are turned.
     """
 
     solution: ConvergedOrientation
     front: list[bool]
+    parallax: float
     across: bool = False
 
     @classmethod
     def of(cls, conditions: ConditionEquations, solution: ConvergedOrientation) -> FoundOrientation:
         """Return what was found, with where the points that it gives lie."""
-        return cls(solution, conditions.front(solution.state))
+        front, far = conditions.front(solution.state)
+        return cls(solution, front, abs(solution.state.bx) / far if far else inf)
 
     @property
     def in_front(self) -> float:
@@ -259,10 +265,19 @@ def find_orientation(
     Raises
     ------
     NotComputableError
-        The photos of a later model are interchanged (in a first model that only turns the base).
+        The photos of a later model are interchanged (in a first model that only turns the base),
+        or there is no base between two photos.
     """
     direct = _direct(pair, conditions, bx)
-    if direct is not None and _fits(pair, conditions, direct, apriori_mm):
+    fits = direct is not None and _fits(pair, conditions, direct, apriori_mm)
+    if not fits or (direct is not None and direct.parallax < _FEW_PARALLAXES * apriori_mm):
+        turned = turned_alone(conditions.p1, conditions.p2, apriori_mm)
+        if turned is not None:
+            raise NotComputableError(
+                f"model {pair.name}: there is no base between the photos: a rotation alone leads "
+                f"from one to the other, within {turned:.1f} sigmas; is one photo laid in twice?"
+            )
+    if direct is not None and fits:
         return direct, ()
     if not conditions.first and _interchanged(pair, conditions, apriori_mm):
         raise NotComputableError(
