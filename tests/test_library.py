@@ -383,6 +383,8 @@ POINTS = [[x, y] for x in (0.0, 90.0) for y in (-90.0, 0.0, 90.0)]
         ({"c": -150.0}, "c: -150 is no positive number"),
         ({"c": (150.0, float("nan"))}, "c: nan is no positive number"),
         ({"image_um": 0.0}, "image_um: 0 is no positive number"),
+        ({"base": 0.0}, "base: 0 is no positive number"),
+        ({"base": float("nan")}, "base: nan is no positive number"),
         ({"test": "bardaa"}, "test: no 'bardaa' (did you mean 'baarda'?)"),
         ({"alpha": 0.9}, "alpha 0.9, power 0.8"),
     ],

@@ -279,7 +279,8 @@ def find_orientation(
             )
     if direct is not None and fits:
         return direct, ()
-    if not conditions.first and _interchanged(pair, conditions, apriori_mm):
+    # of one tie the sign of its depth would be all that says so
+    if len(conditions.x_index) > 1 and _interchanged(pair, conditions, apriori_mm):
         raise NotComputableError(
             f"model {pair.name}: the photos are interchanged, the left one's points fit the right "
             "one's place"

@@ -258,7 +258,7 @@ def orient(
         raise InputError(f"names: {len(labels)} ({len(set(labels))} different) of {n} points")
     constants = c if isinstance(c, tuple) else (c, c)
     positive = [*(("c", one) for one in constants), ("image_um", image_um)]
-    positive += [] if base is None else [("base", base)]
+    positive += [] if base is None else [("base", abs(base))]
     for what, value in positive:
         if not 0.0 < value < math.inf:
             raise InputError(f"{what}: {value:g} is no positive number")

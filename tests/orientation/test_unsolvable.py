@@ -166,6 +166,20 @@ def test_photos_of_a_later_model_interchanged(seed):
     refused(exchanged, "photos are interchanged")
 
 
+@pytest.mark.parametrize("seed", seeds(6))
+def test_one_tie_behind_the_photos_proves_no_interchange(seed):
+    """The sign of its depth would be all that says so."""
+    f = flight(seed)
+    truly = bridge_flight(f)[0]
+    right = dict(f.images[1])
+    x, y = right["1c"]
+    right["1c"] = (x + 1.5 * truly.base[0], y)  # a parallax of the other sign
+    first = orient(pair_of(f, 0, right=right), PAPER, TAU)
+    points = [p for p in f.images[1] if p == "1c" or p[0] == "2" or p.startswith("1m")]
+    error = refused(pair_of(f, 1, first, points=points), "would lie behind a photo")
+    assert "the photos are interchanged, " not in str(error)
+
+
 @pytest.mark.parametrize("error_mm", [-0.2, 0.06, 0.2])
 def test_a_gross_error_over_flat_ground_does_not_interchange_photos(error_mm):
     # exchanged photos in one and the same place would fit ties that lie in a line below it
