@@ -9,7 +9,7 @@ angles (Schut 1961), and c_k u^k + t_k u^(k-1) v in height: bend and twist.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -39,6 +39,7 @@ _AXES = ("X", "Y", "Z")
 _SEVEN = ("X0", "Y0", "Z0", "omega", "phi", "kappa", "scale")
 _STEPS = 60
 _HALVED = 12  # times at most, a step that leads uphill
+_UNHELD = 0.01  # of a strip's length: a standard deviation that is none
 _SMALL = 1e-6  # of a standard deviation
 
 
@@ -87,7 +88,7 @@ class StripFit:
     tested
         The control coordinates that took part [m]: residuals are transformed minus given.
     remarks
-        Sentences: control points that are interchanged.
+        Sentences: control points that are interchanged; that the strip itself may be bent.
     points
         Control and check points of the strip.
     ground
@@ -110,6 +111,18 @@ class StripFit:
             _rms([p.difference[k] for p in self.points if p.used]) for k in range(len(_AXES))
         )
         return x, y, z
+
+
+_BENDING = 3  # models whose errors bend a strip
+
+
+def _bent(degree: Degree) -> str:
+    rigid = "for rigid" if degree == 1 else f"to bend as polynomials of degree {degree} do"
+    more = "" if degree == 3 else f"--degree {degree + 1}, "
+    return (
+        f"the test takes the strip {rigid}, but its models' errors add up and bend it: control may "
+        f"be flagged for it; {more}the ties to other strips or adjust tell"
+    )
 
 
 def measured_control(block: Block, points: Collection[str]) -> tuple[ControlPoint, ...]:
@@ -136,7 +149,9 @@ def fit_models(
     """
     points = {p.point: (p.X, p.Y, p.Z) for model in models for p in model.points}
     base = sum(abs(model.base[0]) for model in models) / len(models)
-    return fit_strip(block, strip, points, base, degree=degree, without=without)
+    fit = fit_strip(block, strip, points, base, degree=degree, without=without)
+    bent = len(models) >= _BENDING and bool(fit.tested.flagged.any())
+    return replace(fit, remarks=(_bent(degree),)) if bent and not fit.remarks else fit
 
 
 def fit_strip(
@@ -203,6 +218,7 @@ def fit_strip(
     else:
         why = exchanged or f"{failure}{_disagreeing(named, source[whole], target[whole])}"
         raise NotComputableError(f"strip {strip}: {why}") from failure
+    _check_held(strip, shape, now, free, adjusted, points)
     transformed = shape.lay(now, free, source)
     residual = (transformed - target)[known]
     tested = examine(
@@ -249,10 +265,7 @@ def _iterated(
     now, free = start, np.zeros(len(names) - len(_SEVEN))
     off = misclosures(now, free)
     for _ in range(_STEPS):
-        ground = now.apply(source)
-        design = np.concatenate(
-            [similarity_effects(ground - shape.middle), shape.bend(ground)], axis=2
-        )[known]
+        design = shape.effects(now, free, source)[known]
         adjusted = adjust(design / sigma[:, None], off, np.ones(len(sigma)), unknowns=names)
         step, square = adjusted.x, float(off @ off)
         deviations = np.sqrt(np.diag(adjusted.q_xx)) * max(1.0, adjusted.sigma0 or 0.0)
@@ -267,6 +280,29 @@ def _iterated(
             step = 0.5 * step
         now, free = moved, bent
     raise NotComputableError("the fit to the control does not converge")
+
+
+def _check_held(
+    strip: str,
+    shape: _Shape,
+    now: Similarity,
+    free: Array,
+    adjusted: Adjustment,
+    points: Mapping[str, tuple[float, float, float]],
+) -> None:
+    """Raise where next to nothing holds a part of the strip: it would turn about a line of control.
+
+    What noise puts beside that line holds it, and means nothing.
+    """
+    effects = shape.effects(now, free, np.array(list(points.values())))
+    variances = np.einsum("nip,pq,niq->ni", effects, adjusted.q_xx, effects)
+    worst = np.sqrt(variances.max(axis=1))
+    k = int(np.argmax(worst))
+    if worst[k] > _UNHELD * shape.length:
+        raise NotComputableError(
+            f"strip {strip}: not determined: by its control point {list(points)[k]} is known to "
+            f"{worst[k]:.0f} m only; does the control lie on one line?"
+        )
 
 
 def _exchanged(names: Sequence[str], source: Array, target: Array) -> str | None:
@@ -301,6 +337,11 @@ class _Shape:
         self._half = max(float(np.abs(plan @ along).max()), 1e-12)
         self._degree = degree
 
+    @property
+    def length(self) -> float:
+        """Length of the strip [m]."""
+        return 2.0 * self._half
+
     def lay(self, similarity: Similarity, free: Array, points: Array) -> Array:
         """Return (n, 3) points of the strip on the ground, bent by their coefficients."""
         ground = similarity.apply(points)
@@ -322,6 +363,31 @@ class _Shape:
                 out[:, 1, at + column] = ey * du + ex * dv
             out[:, 2, at + 2] = u**k
             out[:, 2, at + 3] = u ** (k - 1) * v
+        return out
+
+    def effects(self, similarity: Similarity, free: Array, points: Array) -> Array:
+        """Return (n, 3, 7 + 4 (degree - 1)): how all unknowns move points of the strip."""
+        ground = similarity.apply(points)
+        moves = self.slopes(ground, free) @ similarity_effects(ground - self.middle)
+        return np.concatenate([moves, self.bend(ground)], axis=2)
+
+    def slopes(self, ground: Array, free: Array) -> Array:
+        """Return (n, 3, 3): how points that are laid move with where the similarity has them."""
+        (ex, ey), plan = self._along, (ground[:, :2] - self.middle[:2]) / self._half
+        u, v = plan @ self._along, plan @ np.array([-ey, ex])
+        out = np.tile(np.eye(3), (len(ground), 1, 1))
+        for k in range(2, self._degree + 1):
+            a, b, c, t = free[4 * (k - 2) : 4 * (k - 1)] / self._half
+            # conformal: plan turns and grows
+            turned = (a + 1j * b) * k * (u + 1j * v) ** (k - 1)
+            out[:, 0, 0] += turned.real
+            out[:, 1, 1] += turned.real
+            out[:, 0, 1] -= turned.imag
+            out[:, 1, 0] += turned.imag
+            along = c * k * u ** (k - 1) + t * (k - 1) * u ** (k - 2) * v
+            across = t * u ** (k - 1)
+            out[:, 2, 0] += along * ex - across * ey
+            out[:, 2, 1] += along * ey + across * ex
         return out
 
 

@@ -8,10 +8,14 @@ import numpy as np
 import pytest
 
 from anaplot.errors import NotComputableError
-from anaplot.orientation.stripfit import StripFit, fit_strip
+from anaplot.orientation.stripfit import StripFit, _Shape, _sigmas, _starts, fit_strip
 from anaplot.photogrammetry.block import Block, ControlPoint, Precision, TestSettings
 from anaplot.photogrammetry.rotation import rotation_matrix
-from anaplot.photogrammetry.similarity import similarity_effects
+from anaplot.photogrammetry.similarity import (
+    Similarity,
+    moved_similarity,
+    similarity_effects,
+)
 from anaplot.planning.synthetic import synthetic_strip
 
 SCALE = 12.5  # m per mm
@@ -199,14 +203,30 @@ def test_gross_errors_do_not_keep_a_strip_from_its_control(block: Block, seed: i
     assert np.abs(gradient).max() < 1e-6 * np.abs(parts).sum(axis=0).max()
 
 
-def test_control_on_a_line_determines_no_inclination(block: Block) -> None:
-    points = {f"p{k}": (20.0 * k, 0.0, -150.0) for k in range(12)}
-    ground = SCALE * np.array(list(points.values())) @ ROTATION.T + SHIFT
+@pytest.mark.parametrize(("noise", "words"), [(0.0, ""), (0.005, "known to"), (0.03, "known to")])
+@pytest.mark.parametrize("degree", [1, 2])
+def test_control_on_a_line_determines_no_inclination(
+    block: Block, degree: int, noise: float, words: str
+) -> None:
+    """What noise puts beside the line holds the strip, and means nothing."""
+    rng = np.random.default_rng(3)
+    line = {
+        f"p{k}": (20.0 * k, *np.add(rng.normal(0.0, noise, 2), (0.0, -150.0)).tolist())
+        for k in range(12)
+    }
+    at = np.array([(20.0 * k, 0.0, -150.0) for k in range(12)])
+    ground = SCALE * at @ ROTATION.T + SHIFT
     control = tuple(
-        ControlPoint(name, tuple(at)) for name, at in zip(points, ground.tolist(), strict=True)
+        ControlPoint(name, tuple(at)) for name, at in zip(line, ground.tolist(), strict=True)
     )
-    with pytest.raises(NotComputableError, match="strip 1: "):
-        fit_strip(replace(block, control=control), "1", points, 92.0)
+    strip = {**line, "left": (100.0, 90.0, -150.0), "right": (100.0, -90.0, -150.0)}
+    with pytest.raises(NotComputableError, match=f"strip 1: .*{words}"):
+        fit_strip(replace(block, control=control), "1", strip, 92.0, degree=degree)
+    # one point beside the line holds a similarity
+    beside = tuple((SCALE * np.array([100.0, 90.0, -150.0]) @ ROTATION.T + SHIFT).tolist())
+    held = replace(block, control=(*control, ControlPoint("left", beside)))
+    if degree == 1:
+        assert fit_strip(held, "1", strip, 92.0).similarity.scale == pytest.approx(SCALE, rel=1e-3)
 
 
 @pytest.mark.slow
@@ -227,3 +247,53 @@ def test_noise_keeps_the_size_of_its_test(block: Block) -> None:
         for _ in range(200)
     )
     assert flagged <= 16
+
+
+@pytest.mark.parametrize("degree", [1, 2, 3])
+def test_points_move_with_the_similarity_as_they_are_bent(degree: int) -> None:
+    rng = np.random.default_rng(degree)
+    ground = ground_of(model_points())
+    shape = _Shape(Similarity(1.0, np.eye(3), np.zeros(3)), ground, degree)
+    free = rng.normal(0.0, 200.0, 4 * (degree - 1))
+
+    def laid(at: np.ndarray) -> np.ndarray:
+        return at + shape.bend(at) @ free
+
+    for axis, step in enumerate(np.eye(3)):
+        numeric = (laid(ground + step) - laid(ground - step)) / 2.0
+        assert shape.slopes(ground, free)[:, :, axis] == pytest.approx(numeric, abs=1e-5)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_control_near_a_line_lets_a_twist_grow_large_and_it_is_found(
+    block: Block, seed: int
+) -> None:
+    """The similarity moves points that are bent: without that no step led down any more."""
+    rng = np.random.default_rng(seed)
+    source = np.column_stack(
+        ([0.0, 90.0, 180.0, 270.0, 360.0], rng.normal(0.0, 0.5, 5), rng.uniform(-160, -145, 5))
+    )
+    source[[0, 4], 1] = 60.0  # two in one row, the others on a line: next to nothing holds a twist
+    target = SCALE * source @ ROTATION.T + SHIFT + rng.normal(0.0, 3.0, (5, 3))
+    names = [f"k{k}" for k in range(5)]
+    control = tuple(
+        ControlPoint(name, tuple(at)) for name, at in zip(names, target.tolist(), strict=True)
+    )
+    points = dict(zip(names, map(tuple, source.tolist()), strict=True))
+    found = fit_strip(replace(block, control=control), "1", points, 92.0, degree=2)
+    assert sum(row.r for row in found.tested) == pytest.approx(found.tested.redundancy)
+    # a minimum: no unknown would bring the sum of squares down by anything
+    start = _starts("1", source, target)[0]
+    shape, sigma = _Shape(start, source, 2), _sigmas(block, control, 92.0, start.scale)
+    free = np.array(list(found.polynomials.values()))
+
+    def square(step: np.ndarray) -> float:
+        moved = moved_similarity(found.similarity, shape.middle, step)
+        off = shape.lay(moved, free + step[7:], source) - target
+        return float(((off / sigma) ** 2).sum())
+
+    least = square(np.zeros(11))
+    assert least == pytest.approx(found.tested.sigma0**2 * found.tested.redundancy)
+    for step in np.diag([1e-3] * 3 + [1e-6] * 4 + [1e-3] * 4):
+        ahead, back = square(step), square(-step)
+        assert (ahead - back) ** 2 / (8.0 * (ahead + back - 2.0 * least)) < 1e-6 * least
