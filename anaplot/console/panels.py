@@ -482,7 +482,7 @@ class MessagePanel(_Lines):
         self._clock = clock
         self._messages: deque[tuple[str, str]] = deque(maxlen=200)
         self._recent: list[tuple[str, str, float]] = []
-        self._question = ""
+        self._question = self._short = ""
 
     def say(self, severity: str, text: str) -> None:
         """Add a message."""
@@ -515,10 +515,14 @@ class MessagePanel(_Lines):
             self._recent = kept
             self.show_lines()
 
-    def ask(self, question: str) -> None:
-        """Show this question, or none, below the messages, beside them where there is one line."""
+    def ask(self, question: str, short: str = "") -> None:
+        """Show this question, or none, below the messages, beside them where there is one line.
+
+        Where there is one, and what is said does not fit beside the question, its short form stands
+        there until that has gone.
+        """
         if question != self._question:
-            self._question = question
+            self._question, self._short = question, short
             self.show_lines()
 
     def lines(self, width: int, height: int) -> list[Content]:
@@ -526,6 +530,10 @@ class MessagePanel(_Lines):
         question, room = plain(self._question), width
         if question and height == 1:
             room = max(width - cell_len(question) - 2, 0)
+            said = self._recent[-1:]
+            if said and self._short and cell_len(_spoken(*said[0][:2])) > room - 2:
+                question = plain(self._short)
+                room = max(width - cell_len(question) - 2, 0)
         count = height - 1 if question and height > 1 else height
         held = self._held()
         recent = [one for one in self._recent if one not in held] + held
@@ -535,9 +543,9 @@ class MessagePanel(_Lines):
         asked = Content.styled(fit(question, cell_len(question)), "bold $text-accent")
         if height > 1:
             return [*lines, Content.assemble(" ", asked)]
-        said = lines[-1] if lines and room > 12 else Content("")
-        gap = " " * max(width - cell_len(said.plain) - cell_len(question) - 1, 1)
-        return [Content.assemble(said, gap, asked)]
+        beside = lines[-1] if lines and room > 12 else Content("")
+        gap = " " * max(width - cell_len(beside.plain) - cell_len(question) - 1, 1)
+        return [Content.assemble(beside, gap, asked)]
 
     def history(self, width: int, most: int | None = None) -> list[Content]:
         """Return all messages, the newest first, wrapped; or no more lines of them than `most`."""

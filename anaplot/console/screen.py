@@ -266,8 +266,8 @@ class OrientationScreen(Screen[None]):
             faulty = snapshot.link.state not in ("live", "none", "opening")
             self._say("warning" if faulty else "info", f"link: {snapshot.link.detail}")
         automatic = self._controls is not None and self._controls.automatic
-        question = "" if automatic else why_line(snapshot, self._keys)
-        self.query_one(MessagePanel).ask(question)
+        question = ("", "") if automatic else why_line(snapshot, self._keys)
+        self.query_one(MessagePanel).ask(*question)
         self._pages.show(snapshot)
         self._show_selected()
 

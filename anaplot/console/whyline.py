@@ -11,14 +11,15 @@ from anaplot.station.snapshot import Snapshot
 __all__ = ["why_line"]
 
 
-def why_line(snapshot: Snapshot, keys: Mapping[str, tuple[str, ...]]) -> str:
-    """Return the question why, with the keys that answer it; "" when there is nothing to ask.
+def why_line(snapshot: Snapshot, keys: Mapping[str, tuple[str, ...]]) -> tuple[str, str]:
+    """Return the question why, with the keys that answer it, and those alone; "" for no question.
 
     It stands there until it is answered, or something else has happened.
     """
     change = snapshot.last_change
     asked = change is not None and change.latest and change.reason is None
     if not asked or snapshot.link.state == "replay":
-        return ""
-    answers = (f"{show_key(keys[f'why_{reason}'][0])} {reason}" for reason in REASONS)
-    return f"why? {' '.join(answers)}"
+        return "", ""
+    known = [show_key(keys[f"why_{reason}"][0]) for reason in REASONS]
+    answers = (f"{key} {reason}" for key, reason in zip(known, REASONS, strict=True))
+    return f"why? {' '.join(answers)}", f"why? {' '.join(known)}"

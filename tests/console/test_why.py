@@ -38,17 +38,21 @@ async def test_the_question_stands_beside_the_news_and_goes_with_the_answer(size
         await until(pilot, lambda: "why?" not in "\n".join(lines(app)))
 
 
-async def test_other_keys_go_on_and_a_long_message_gives_way():
+async def test_other_keys_go_on_and_the_question_gives_way_to_a_long_message():
     station = FakeStation(picture(last_change=OFF))
     app = console(station)
     async with app.run_test(size=(80, 24)) as pilot:
         await until(pilot, lambda: ASKED in "\n".join(lines(app)))
-        station.notice(
-            "warning", "a message that is longer than what the question leaves of a line"
-        )
+        station.notice("warning", "a message longer than the question leaves of a line")
+        whole = "warning: a message longer than the question leaves of a line"
+        await until(pilot, lambda: whole in "\n".join(lines(app)))
+        assert any(line.endswith(" why? 1 2 3 4 ") for line in lines(app))
+        assert {cell_len(line) for line in lines(app)} == {80}
+        station.notice("warning", "a message that is longer than any line of this size of screen")
         await until(pilot, lambda: "(l: all)" in "\n".join(lines(app)))
-        assert ASKED in "\n".join(lines(app))
+        assert any(line.endswith(" why? 1 2 3 4 ") for line in lines(app))
         await pilot.press("space")
+        await until(pilot, lambda: ASKED in "\n".join(lines(app)))
         await asyncio.to_thread(station.wait_for, "record_point")
 
 
@@ -63,9 +67,9 @@ async def test_a_simulated_operator_is_not_asked():
 
 def test_when_there_is_nothing_to_ask():
     keys = keys_in_force({"why_pointing": "A"})
-    assert why_line(picture(last_change=OFF), keys) == ASKED.replace("1", "A")
-    assert why_line(picture(), keys) == ""
+    assert why_line(picture(last_change=OFF), keys) == (ASKED.replace("1", "A"), "why? A 2 3 4")
+    assert why_line(picture(), keys) == ("", "")
     later = LastChange("off", "102/103", "103", "y", latest=False)
-    assert why_line(picture(last_change=later), keys) == ""
+    assert why_line(picture(last_change=later), keys) == ("", "")
     seen = LinkView("replay", "recorded")
-    assert why_line(picture(last_change=OFF, link=seen), keys) == ""
+    assert why_line(picture(last_change=OFF, link=seen), keys) == ("", "")
