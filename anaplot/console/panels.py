@@ -10,14 +10,11 @@ from itertools import islice
 from rich.cells import cell_len
 from textual.content import Content
 from textual.geometry import Size
-from textual.strip import Strip
-from textual.visual import Visual
-from textual.widget import Widget
 
 from anaplot.console.describe import Entry, advice_of, describe_row
 from anaplot.console.inwork import in_work
+from anaplot.console.lineswidget import LinesWidget
 from anaplot.console.overview import verdict
-from anaplot.console.repainting import repaint
 from anaplot.console.rows import ShownRow
 from anaplot.console.text import fit, fit_end, number, wrap
 from anaplot.session.plates import ReadOut
@@ -41,7 +38,6 @@ _GAP: Part = ("   ", "")
 _NARROW_GAP: Part = (" ", "")
 _SECONDS_SHOWN = 10.0
 _MOST_SHOWN = 20
-_PAINTED = 500  # lines whose cells a panel keeps
 _SECONDS_HELD = 6.0  # in which nothing takes the place of where a report lies
 
 WELCOME = (
@@ -114,71 +110,7 @@ def entry_lines(entries: list[Entry], width: int, label: int = 18) -> list[Conte
     return lines
 
 
-class _Lines(Widget):
-    """A widget of whole lines, made anew for every size; no text is ever taken for markup."""
-
-    _shown: list[Content] | None = None
-    _shown_in = Size()
-    _painted: dict[tuple[object, ...], Strip] | None = None
-
-    def show_lines(self) -> None:
-        """Paint the lines that are others now; of a panel that is hidden none are made."""
-        if not self.display:
-            self._shown = None
-            return
-        before = None if self._shown is None else _compared(self._shown)
-        if self._shown_in != self.size:
-            before = None
-        repaint(self, before, _compared(self._fitted()))
-
-    def _fitted(self) -> list[Content]:
-        width, height = self._shown_in = self.size
-        self._shown = self.lines(width, height)[:height]
-        return self._shown
-
-    def lines(self, width: int, height: int) -> list[Content]:
-        """Return at most `height` lines of at most `width` cells."""
-        raise NotImplementedError
-
-    def render(self) -> Content:
-        """Return the lines as one text."""
-        return Content("\n").join(self._fitted())
-
-    def render_line(self, y: int) -> Strip:
-        """Return one line; those that are painted already are not made again."""
-        shown, size = self._shown, self.size
-        if shown is None or self._shown_in != size:
-            shown = self._fitted()
-        width, style = size.width, self.visual_style
-        if y >= len(shown):
-            return Strip.blank(width, style.rich_style)
-        if self.text_selection is not None:
-            return Visual.to_strips(self, shown[y], width, 1, style)[0]
-        # a new message moves all that are older by a line: the text of none of them is laid anew
-        if self._painted is None or len(self._painted) > _PAINTED:
-            self._painted = {}
-        key = (width, *_compared_line(shown[y]))
-        strip = self._painted.get(key)
-        if strip is None:
-            strip = self._painted[key] = Visual.to_strips(self, shown[y], width, 1, style)[0]
-        return strip
-
-    def notify_style_update(self) -> None:
-        """Paint again in the new colours."""
-        self._painted = None
-        super().notify_style_update()
-
-
-def _compared(lines: list[Content]) -> list[tuple[object, ...]]:
-    """Return what lines differ by: contents are equal when their text is."""
-    return [_compared_line(line) for line in lines]
-
-
-def _compared_line(line: Content) -> tuple[object, ...]:
-    return (line.plain, *line.spans)
-
-
-class HeaderPanel(_Lines):
+class HeaderPanel(LinesWidget):
     """Block, model and link; choices in force and the model's figures."""
 
     DEFAULT_CSS = "HeaderPanel { height: 2; background: $panel; }"
@@ -294,7 +226,7 @@ class HeaderPanel(_Lines):
         return parts
 
 
-class ReadOutLine(_Lines):
+class ReadOutLine(LinesWidget):
     """x' y' x'' y'' px py [mm] as they are now; dashes while nothing is known.
 
     Before a photo's inner orientation is accepted its coordinates are those of the plate, and in
@@ -354,7 +286,7 @@ def _plates(readout: ReadOut | None) -> str:
     return "left: PLATE" if readout.plate_left else "right: PLATE"
 
 
-class ExpectedLine(_Lines):
+class ExpectedLine(LinesWidget):
     """What the operator is expected to do now; two lines when one is too short.
 
     The second line stays while the cursor moves, if the sentence needs it on any row: everything
@@ -415,7 +347,7 @@ class ExpectedLine(_Lines):
         return lines
 
 
-class AdvicePanel(_Lines):
+class AdvicePanel(LinesWidget):
     """What the model says and advises, the most useful first."""
 
     DEFAULT_CSS = "AdvicePanel { height: 3; background: $surface; }"
@@ -458,7 +390,7 @@ class AdvicePanel(_Lines):
         return [Content.styled(line, style if i == 0 else "") for i, line in enumerate(lines)]
 
 
-class MessagePanel(_Lines):
+class MessagePanel(LinesWidget):
     """What happened, the newest last; what is old goes.
 
     With the next key all of it, and after some seconds whatever is neither warning nor error.
@@ -558,7 +490,7 @@ class MessagePanel(_Lines):
                 yield Content.styled(f"{'  ' if i else '· '}{line}", style)
 
 
-class DetailsPane(_Lines):
+class DetailsPane(LinesWidget):
     """All that is known of the selected row; below it, where there is room, block and history.
 
     Parameters

@@ -117,7 +117,7 @@ class EndingEarly(Watch):
         def stop(number: int, frame: FrameType | None) -> None:
             signal.signal(signal.SIGINT, before)
             self.stop()
-            ends = "the search ends with the best that it has found"
+            ends = "the search ends with the best that it has found, if any"
             if self._limit.over:
                 self._err.write(f"\nanaplot: {self._limit.seconds:g} s are over: {ends}\n")
             else:

@@ -65,7 +65,7 @@ def test_what_is_no_search_ends_with_how_far_it_came() -> None:
 def test_a_search_ends_with_the_best_it_has(capsys: pytest.CaptureFixture[str]) -> None:
     assert computed(Namespace(time_limit=0.2), searching).result
     said = capsys.readouterr().err
-    assert "0.2 s are over: the search ends with the best that it has found\n" in said
+    assert "0.2 s are over: the search ends with the best that it has found, if any\n" in said
 
 
 def test_what_it_found_is_put_together_however_long_that_takes() -> None:
