@@ -1,10 +1,9 @@
 """What circles of objects leave behind is looked for when nobody waits.
 
-Python looks for it whenever enough objects have come: with all modules loaded a complete search
-takes 50 to 100 ms, and fell into every twentieth record. Here only the short searches among new
-objects come by themselves; the complete one waits for the moment after the table of a record is
-shown, in which nobody can have pointed at the next point yet, or until nothing has happened for a
-while.
+Python looks for it whenever enough objects have come: among new ones seven times in a record, 4 ms
+together; and with all modules loaded a complete search takes 50 to 100 ms, and fell into every
+twentieth record. Here both wait for the moment after the table of a record is shown, in which
+nobody can have pointed at the next point yet, or until nothing has happened for a while.
 """
 
 from __future__ import annotations
@@ -17,8 +16,9 @@ from collections.abc import Iterator
 __all__ = ["at_ease", "tidy"]
 
 _SWITCH = 0.001  # s after which a thread that computes lets others on: screen and station wait
-_OFTEN = (700, 10)  # new objects and short searches: little at a time, Python's own
-_BY_ITSELF = 1000  # longer searches after which a complete one does not wait any more
+_NEW = 20_000  # objects, as of four records, that are searched without waiting
+_SHORT = 10  # such searches, after which those that they left are searched with them
+_LONGER = 1000  # of these, after which a complete one does not wait any more
 _ENOUGH = 5  # of them, for a complete one to be worth its time
 
 
@@ -29,7 +29,7 @@ def at_ease() -> Iterator[None]:
     sys.setswitchinterval(_SWITCH)
     # what is loaded by now stays
     gc.freeze()
-    gc.set_threshold(*_OFTEN, _BY_ITSELF)
+    gc.set_threshold(_NEW, _SHORT, _LONGER)
     try:
         yield
     finally:
@@ -39,6 +39,8 @@ def at_ease() -> Iterator[None]:
 
 
 def tidy() -> None:
-    """Search all objects for what is left behind, if enough may have come together."""
+    """Search for what is left behind: among all objects if enough may have come together."""
     if gc.get_count()[2] >= _ENOUGH:
         gc.collect()
+    else:
+        gc.collect(1)
