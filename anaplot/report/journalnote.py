@@ -84,7 +84,8 @@ def journal_answer(folder: Path, found: Journaled) -> Answer | None:
     -------
     dict or None
         "count" of rows that differ (None: the journal was not read, or the files), the first of
-        them as "rows", and the "remark" for people; None where nothing differs.
+        them as "rows", how many measurements the file is "lacking", and the "remark" for people;
+        None where nothing differs.
     """
     remark = found.remark(folder)
     if not remark:
@@ -101,11 +102,16 @@ def journal_answer(folder: Path, found: Journaled) -> Answer | None:
         }
         for here, mine, _ in found.edited[:_MOST]
     ]
-    return {"count": len(found.edited), "rows": rows, "remark": remark}
+    return {
+        "count": len(found.edited),
+        "lacking": found.lacking,
+        "rows": rows,
+        "remark": remark,
+    }
 
 
 def _unread(remark: str) -> Answer:
-    return {"count": None, "rows": [], "remark": remark}
+    return {"count": None, "lacking": None, "rows": [], "remark": remark}
 
 
 def _row(row: ImagePoint) -> Answer:

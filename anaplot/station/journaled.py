@@ -8,7 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from anaplot.errors import InputError
+from anaplot.exchange.blockfolder import IMAGE_POINTS_CSV
 from anaplot.photogrammetry.block import Block
+from anaplot.textfiles.wording import place
 
 if TYPE_CHECKING:
     from anaplot.exchange.recordline import JournalRecord
@@ -27,6 +29,8 @@ class Journaled(NamedTuple):
         To which it led; None where there is none, or it was not read.
     edited
         Rows of which the file says something else.
+    lacking
+        How many measurements of accepted models have no row in the file.
     unread
         Why it was not read, or "".
     """
@@ -34,16 +38,28 @@ class Journaled(NamedTuple):
     state: SessionState | None = None
     edited: tuple[EditedRow, ...] = ()
     unread: str = ""
+    lacking: int = 0
 
     def remark(self, folder: Path) -> str:
         """Return in a line that the journal was not read or that the file differs, or ""."""
-        if self.unread or not self.edited:
+        if self.unread:
             return self.unread
+        if not self.edited:
+            return self._lacking(folder)
         more = len(self.edited) - 1
         others = "" if not more else f" (and {more} more row{'s' if more > 1 else ''})"
         from anaplot.station.editedrows import told
 
         return told(folder, self.edited[0]) + others
+
+    def _lacking(self, folder: Path) -> str:
+        if not self.lacking:
+            return ""
+        rows = "a measurement" if self.lacking == 1 else f"{self.lacking} measurements"
+        return (
+            f"{place(folder / IMAGE_POINTS_CSV)} lacks {rows} of accepted models that the journal "
+            "has: anaplot open brings them back"
+        )
 
 
 def journaled(folder: Path, block: Block) -> Journaled:
@@ -76,11 +92,13 @@ def journaled(folder: Path, block: Block) -> Journaled:
 
 def _compared(folder: Path, block: Block, records: Iterable[JournalRecord]) -> Journaled:
     from anaplot.station.edited import decided_rows, edited_rows
-    from anaplot.station.imagepoints import accepted_ever
+    from anaplot.station.imagepoints import accepted_ever, rows_of
     from anaplot.station.rejectedelsewhere import elsewhere
     from anaplot.station.restored import restored
 
     events, state = restored(block, records)
     new, said = elsewhere(folder, block, state, events)
     edited = edited_rows(folder, block, said, accepted_ever(events))
-    return Journaled(state, (*decided_rows(block, state, new), *edited))
+    there = {(row.photo, row.point) for row in block.image_points}
+    lacking = {(row.photo, row.point) for row in rows_of(state.models)} - there
+    return Journaled(state, (*decided_rows(block, state, new), *edited), lacking=len(lacking))

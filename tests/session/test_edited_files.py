@@ -214,6 +214,29 @@ def computed(work: Work, capsys: pytest.CaptureFixture[str]) -> tuple[list[dict]
 
 
 @pytest.mark.slow
+def test_measurements_that_the_file_has_lost_are_noted_and_come_back(
+    one_model: Work, capsys: pytest.CaptureFixture[str]
+) -> None:
+    work = one_model
+    lost = [row for row in work.rows if row.point in (work.first, work.third)]
+    for rows, said in (
+        ([row for row in work.rows if row not in lost], f"lacks {len(lost)} measurements"),
+        ([row for row in work.rows if row is not lost[0]], "lacks a measurement"),
+    ):
+        work.write(tuple(rows))
+        work.check()  # it may lag behind after a power cut: that is no edit
+        assert main(["status", str(work.folder), "--json"]) == 0
+        note = json.loads(capsys.readouterr().out)["differs_from_journal"]
+        assert (note["count"], note["rows"]) == (0, [])
+        assert note["lacking"] == len(work.rows) - len(rows)
+        assert said in note["remark"]
+        assert note["remark"].endswith("anaplot open brings them back")
+    work.write(work.rows)
+    assert main(["status", str(work.folder), "--json"]) == 0
+    assert "differs_from_journal" not in json.loads(capsys.readouterr().out)
+
+
+@pytest.mark.slow
 def test_fit_log_and_pointing_note_it_too(
     one_model: Work, capsys: pytest.CaptureFixture[str]
 ) -> None:
