@@ -193,11 +193,13 @@ def _but_parallel(
                 break
             try:
                 found = _adjusted(*smaller, None, progress)
+            except np.linalg.LinAlgError:
+                break
             except NotComputableError as other:
                 smaller = without_parallel(smaller[0], other)
                 continue
             more = with_meeting(problem, smaller[0], found.state)
-            with contextlib.suppress(NotComputableError):
+            with contextlib.suppress(NotComputableError, np.linalg.LinAlgError):
                 found = found if more is None else _adjusted(*more, None, progress)
             return found
         raise

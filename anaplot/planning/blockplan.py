@@ -136,6 +136,11 @@ class BlockPlan:
         # the photos of a cross strip follow from the laps, which are sound here
         if self.strips * self.photos + self.cross_strips * self.across > _MOST_PHOTOS:
             raise InputError(f"more than {_MOST_PHOTOS} photos are planned")
+        if self.cross_strips > self.photos:
+            raise InputError(
+                f"cross strips {self.cross_strips}: along {self.photos} photos there is room for "
+                f"{self.photos}, one a base"
+            )
 
 
 class PlannedClass(NamedTuple):

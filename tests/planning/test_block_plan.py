@@ -100,6 +100,7 @@ def test_twins_cross_strips_and_denser_control_help() -> None:
         ({"photos": 1}, "at least one strip of at least two photos"),
         ({"overlap": 0.4}, "overlap 40 %"),
         ({"sidelap": 0.05}, "side lap 5 %"),
+        ({"cross_strips": 9}, "cross strips 9: along 5 photos there is room for 5, one a base"),
         ({"bridging": 0.0}, "bridging distance"),
         ({"bridging": 5e-324}, "bridging distance"),
         ({"strips": 20, "photos": 50, "bridging": 0.06}, "more than 10000 control points"),
