@@ -39,6 +39,7 @@ _AXES = ("X", "Y", "Z")
 _SEVEN = ("X0", "Y0", "Z0", "omega", "phi", "kappa", "scale")
 _STEPS = 60
 _HALVED = 12  # times at most, a step that leads uphill
+_BENDING = 3  # models whose errors bend a strip
 _UNHELD = 0.01  # of a strip's length: a standard deviation that is none
 _SMALL = 1e-6  # of a standard deviation
 
@@ -111,9 +112,6 @@ class StripFit:
             _rms([p.difference[k] for p in self.points if p.used]) for k in range(len(_AXES))
         )
         return x, y, z
-
-
-_BENDING = 3  # models whose errors bend a strip
 
 
 def _bent(degree: Degree) -> str:
@@ -296,7 +294,7 @@ def _check_held(
     """
     effects = shape.effects(now, free, np.array(list(points.values())))
     variances = np.einsum("nip,pq,niq->ni", effects, adjusted.q_xx, effects)
-    worst = np.sqrt(variances.max(axis=1))
+    worst = np.sqrt(np.maximum(variances.max(axis=1), 0.0))
     k = int(np.argmax(worst))
     if worst[k] > _UNHELD * shape.length:
         raise NotComputableError(

@@ -38,8 +38,9 @@ def turned_alone(left: Array, right: Array, sigma: float) -> float | None:
     freedom = 2 * left.shape[1] - 3
     if freedom < _FREEDOM:
         return None
-    one, other = (rays / np.sqrt((rays * rays).sum(axis=0)) for rays in (left, right))
-    both = one @ other.T
+    with np.errstate(all="ignore"):
+        one, other = (rays / np.sqrt((rays * rays).sum(axis=0)) for rays in (left, right))
+        both = one @ other.T
     if not np.isfinite(both).all():
         return None
     u, spread, v = np.linalg.svd(both)  # Kabsch: the rotation that least squares find
