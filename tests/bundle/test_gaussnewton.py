@@ -15,8 +15,10 @@ from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.linearised import objective
 from anaplot.bundle.solve.problem import Problem, make_problem
 from anaplot.bundle.solve.reintersect import reintersected
+from anaplot.bundle.solve.selection import NO_ANGLE, LeftOut
 from anaplot.bundle.solve.structure import make_structure
 from anaplot.bundle.start.approximate import approximate_ways
+from anaplot.bundle.start.bestminimum import best_minimum
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import ControlPoint
 from anaplot.photogrammetry.rotation import rotation_matrix
@@ -137,8 +139,16 @@ def test_rays_from_one_place_do_not_meet_whatever_their_weights(sigma_um: float)
     rows += [replace(here, photo=photo, sigma_um=sigma_um) for photo in ("101", "199")]
     rows = [row for row in rows if (row.photo, row.point) != ("199", "p20")] + rows[-1:]
     photos = (*scene.block.photos, replace(scene.block.photos[0], id="199"))
+    whole = replace(scene.block, image_points=tuple(rows), photos=photos)
+    problem = make_problem(whole)
     with pytest.raises(NotComputableError, match="p20"):
-        adjust_block(replace(scene.block, image_points=tuple(rows), photos=photos))
+        best_minimum(problem, None, problem)
+    found = adjust_block(whole)
+    assert [one for one in found.problem.left_out if one.reason == NO_ANGLE] == [
+        LeftOut("point", "p20", NO_ANGLE)
+    ]
+    without = tuple(row for row in rows if row.point != "p20")
+    assert found.vtpv == pytest.approx(adjust_block(replace(whole, image_points=without)).vtpv)
 
 
 @pytest.mark.parametrize("distance", [0.2, 2.0])
