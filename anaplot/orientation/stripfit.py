@@ -340,6 +340,11 @@ class _Shape:
         """Length of the strip [m]."""
         return 2.0 * self._half
 
+    def _scaled(self, ground: Array) -> tuple[Array, Array]:
+        """Return u and v, along and across the strip from its middle, in half its length."""
+        plan, (ex, ey) = (ground[:, :2] - self.middle[:2]) / self._half, self._along
+        return plan @ self._along, plan @ np.array([-ey, ex])
+
     def lay(self, similarity: Similarity, free: Array, points: Array) -> Array:
         """Return (n, 3) points of the strip on the ground, bent by their coefficients."""
         ground = similarity.apply(points)
@@ -347,8 +352,7 @@ class _Shape:
 
     def bend(self, ground: Array) -> Array:
         """Return (n, 3, 4 (degree - 1)): effects of the coefficients a, b, c, t of each degree."""
-        (ex, ey), plan = self._along, (ground[:, :2] - self.middle[:2]) / self._half
-        u, v = plan @ self._along, plan @ np.array([-ey, ex])
+        (ex, ey), (u, v) = self._along, self._scaled(ground)
         out = np.zeros((len(ground), 3, 4 * (self._degree - 1)))
         for k in range(2, self._degree + 1):
             power = (u + 1j * v) ** k
@@ -371,8 +375,7 @@ class _Shape:
 
     def slopes(self, ground: Array, free: Array) -> Array:
         """Return (n, 3, 3): how points that are laid move with where the similarity has them."""
-        (ex, ey), plan = self._along, (ground[:, :2] - self.middle[:2]) / self._half
-        u, v = plan @ self._along, plan @ np.array([-ey, ex])
+        (ex, ey), (u, v) = self._along, self._scaled(ground)
         out = np.tile(np.eye(3), (len(ground), 1, 1))
         for k in range(2, self._degree + 1):
             a, b, c, t = free[4 * (k - 2) : 4 * (k - 1)] / self._half

@@ -92,7 +92,7 @@ def journaled(folder: Path, block: Block) -> Journaled:
 
 def _compared(folder: Path, block: Block, records: Iterable[JournalRecord]) -> Journaled:
     from anaplot.station.edited import decided_rows, edited_rows
-    from anaplot.station.imagepoints import accepted_ever, rows_of
+    from anaplot.station.imagepoints import accepted_ever, measured_here
     from anaplot.station.rejectedelsewhere import elsewhere
     from anaplot.station.restored import restored
 
@@ -100,5 +100,5 @@ def _compared(folder: Path, block: Block, records: Iterable[JournalRecord]) -> J
     new, said = elsewhere(folder, block, state, events)
     edited = edited_rows(folder, block, said, accepted_ever(events))
     there = {(row.photo, row.point) for row in block.image_points}
-    lacking = {(row.photo, row.point) for row in rows_of(state.models)} - there
+    lacking = {(photo, point) for photo, point, *_ in measured_here(state.models)} - there
     return Journaled(state, (*decided_rows(block, state, new), *edited), lacking=len(lacking))

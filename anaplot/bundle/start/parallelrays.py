@@ -98,11 +98,9 @@ def with_meeting(
     away = [name for k, name in enumerate(problem.points) if not back[k] and name not in there]
     kept = without_points(problem, away, NO_ANGLE) if away else problem
     place = np.array([there.get(name, -1) for name in kept.points])
-    points = np.where((place < 0)[:, None], np.nan, (state.points + state.origin)[place])
+    new, points = place < 0, (state.points + state.origin)[place]
     subblock = SubBlock(state.centres + state.origin, state.rotations, points)
-    rays = unit_rays(kept)
-    met = intersect_rays(kept, subblock, rays, place < 0)
-    subblock.points = np.where((place < 0)[:, None], met, points)
+    points[new] = intersect_rays(kept, subblock, unit_rays(kept), new)[new]
     try:
         return kept, state_of(kept.bare, subblock)
     except NotComputableError:
@@ -120,13 +118,12 @@ def parallel(problem: Problem, rotations: Array) -> Bools:
         (photos, 3, 3) of its photos.
     """
     count = len(problem.points)
-    sums, coordinates = np.zeros((count, 6)), np.zeros(count)
+    matrix, coordinates = np.zeros((count, 3, 3)), np.zeros(count)
     certain = (problem.c[problem.photo] / problem.sigma)[:, None]
     for normal in plane_normals(problem, rotations, np.arange(len(problem.photo))):
         coordinates += np.bincount(problem.point, normal.any(axis=1), count)
         normal *= certain
-        for k, (i, j) in enumerate(((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))):
-            sums[:, k] += np.bincount(problem.point, normal[:, i] * normal[:, j], count)
-    weakest = np.linalg.eigvalsh(sums[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(-1, 3, 3))[:, 0]
+        np.add.at(matrix, problem.point, normal[:, :, None] * normal[:, None, :])
+    weakest = np.linalg.eigvalsh(matrix)[:, 0]
     off = weakest <= _MEETS**2 * np.maximum(coordinates - 2.0, 1.0)
     return by_rays_alone(problem) & off
