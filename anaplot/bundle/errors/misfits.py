@@ -14,7 +14,7 @@ import numpy as np
 
 from anaplot.aliases import Array, Bools, Index, Progress
 from anaplot.bundle.adjust import adjust_problem, calibrated, evaluate, points_settled
-from anaplot.bundle.errors.controlagreed import agreed_places
+from anaplot.bundle.errors.controlagreed import agreed_places, what_is_wrong
 from anaplot.bundle.errors.leftout import missing, with_rows_of
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.datum import anchor, check_datum
@@ -143,7 +143,7 @@ def adjust_without_misfits(
     ------
     NotComputableError
         As `adjust_problem`: what is left out does not help, control free of error is to blame, or
-        the block is not determined without it.
+        the block is not determined without it. As `what_is_wrong`: control points are exchanged.
     """
     if start is None:
         problem, start = points_settled(problem, progress=progress)
@@ -152,6 +152,8 @@ def adjust_without_misfits(
         return PartialAdjustment(block, (), "")
     except NoConvergenceError as error:
         failure, start = error, error.state
+    # whether a minimum without some rays is found in such a block is a matter of its last digits
+    what_is_wrong(problem, start, None)
     # orientations do not wait for additional parameters
     bare = problem.bare
     start = replace(start, own=start.own[:, :0], shared=start.shared[:0])
