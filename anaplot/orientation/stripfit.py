@@ -4,21 +4,29 @@ The measurements stay as they are: model coordinates of the bridged strip are tr
 whole. Degree 1 is the spatial similarity. Degree 2 and 3 add, with u along the strip's axis and v
 across it, both scaled to half the strip's length, (a_k + i b_k) (u + iv)^k in plan, which keeps
 angles (Schut 1961), and c_k u^k + t_k u^(k-1) v in height: bend and twist.
+
+The errors of a strip's models add up and bend it. What lays it best as a whole is an adjustment by
+weights as if every point had the errors of a single model; but the test takes the covariance that
+these errors have at the control (`stripgeometry`). It compares every coordinate with what all
+others let one expect, the bend included, so that no control is accused for that.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import isfinite
 from typing import Literal
 
 import numpy as np
 
+from anaplot.adjustment.correlatedrows import correlated_units, residual_weight
 from anaplot.adjustment.leastsquares import Adjustment, adjust
 from anaplot.adjustment.tested import Tested, examine
 from anaplot.aliases import Array, Bools
 from anaplot.errors import NotComputableError
 from anaplot.orientation.results import ModelSolution
+from anaplot.orientation.stripgeometry import StripGeometry, extended
 from anaplot.photogrammetry.block import Block, ControlPoint
 from anaplot.photogrammetry.collinearity import turns
 from anaplot.photogrammetry.exchangedpoints import likely_exchange
@@ -39,7 +47,6 @@ _AXES = ("X", "Y", "Z")
 _SEVEN = ("X0", "Y0", "Z0", "omega", "phi", "kappa", "scale")
 _STEPS = 60
 _HALVED = 12  # times at most, a step that leads uphill
-_BENDING = 3  # models whose errors bend a strip
 _UNHELD = 0.01  # of a strip's length: a standard deviation that is none
 _SMALL = 1e-6  # of a standard deviation
 
@@ -57,7 +64,8 @@ class FittedPoint:
     difference
         Transformed minus given X, Y, Z [m]; None where a coordinate is not known.
     r
-        Mean redundancy number of its coordinates; None where it took no part.
+        Mean redundancy number of its coordinates, each given all others; None where it took no
+        part.
     w
         That of its coordinates with the largest abs(w); None where none can be tested.
     flagged
@@ -87,9 +95,11 @@ class StripFit:
     polynomials
         Coefficients [m] by name, for u and v scaled to half the strip's length.
     tested
-        The control coordinates that took part [m]: residuals are transformed minus given.
+        The control coordinates that took part [m], each given all others, with which the strip's
+        errors correlate it: r is what is left of its weight, and the residual r times what it is
+        off from what the others let one expect.
     remarks
-        Sentences: control points that are interchanged; that the strip itself may be bent.
+        Sentences: control points that are interchanged.
     points
         Control and check points of the strip.
     ground
@@ -112,15 +122,6 @@ class StripFit:
             _rms([p.difference[k] for p in self.points if p.used]) for k in range(len(_AXES))
         )
         return x, y, z
-
-
-def _bent(degree: Degree) -> str:
-    rigid = "for rigid" if degree == 1 else f"to bend as polynomials of degree {degree} do"
-    more = "" if degree == 3 else f"--degree {degree + 1}, "
-    return (
-        f"the test takes the strip {rigid}, but its models' errors add up and bend it: control may "
-        f"be flagged for it; {more}the ties to other strips or adjust tell"
-    )
 
 
 def measured_control(block: Block, points: Collection[str]) -> tuple[ControlPoint, ...]:
@@ -146,10 +147,26 @@ def fit_models(
         The control does not determine the transformation.
     """
     points = {p.point: (p.X, p.Y, p.Z) for model in models for p in model.points}
+    control = {c.point for c in measured_control(block, points)}
+    errors = _errors_of(models, control)
+    # what is at infinity, or nearly, is nowhere on the ground
+    far = {name for name, (*_, z) in points.items() if not isfinite(z)} | control - errors.keys()
+    points = {name: at for name, at in points.items() if name not in far}
     base = sum(abs(model.base[0]) for model in models) / len(models)
-    fit = fit_strip(block, strip, points, base, degree=degree, without=without)
-    bent = len(models) >= _BENDING and bool(fit.tested.flagged.any())
-    return replace(fit, remarks=(_bent(degree),)) if bent and not fit.remarks else fit
+    return fit_strip(block, strip, points, base, errors, degree=degree, without=without)
+
+
+def _errors_of(models: Sequence[ModelSolution], names: Collection[str]) -> dict[str, Array]:
+    """Return what every image coordinate of a strip's models does to some of its points."""
+    geometry: StripGeometry | None = None
+    errors: dict[str, Array] = {}
+    for model in models:
+        assert model.pair is not None  # it was oriented from one
+        geometry = extended(geometry, model.pair, model)
+        errors |= {name: geometry.points[name].errors for name in names if name in geometry.points}
+        # those of all points of a long strip are more than memory holds
+        geometry = replace(geometry, points={})
+    return errors
 
 
 def fit_strip(
@@ -157,6 +174,7 @@ def fit_strip(
     strip: str,
     points: Mapping[str, tuple[float, float, float]],
     base: float,
+    errors: Mapping[str, Array] | None = None,
     *,
     degree: Degree = 1,
     without: Collection[str] = (),
@@ -173,6 +191,9 @@ def fit_strip(
         Model coordinates [mm] in the strip system by point.
     base
         Base of its models at photo scale [mm]: heights are worse by c / base.
+    errors
+        (3, e) what independent errors, each of one sigma0, do to its control points: the first e of
+        all that the strip has. None: every point errs by itself, as one of a single model does.
     degree
         Of the polynomials.
     without
@@ -218,14 +239,21 @@ def fit_strip(
         raise NotComputableError(f"strip {strip}: {why}") from failure
     _check_held(strip, shape, now, free, adjusted, points)
     transformed = shape.lay(now, free, source)
-    residual = (transformed - target)[known]
+    covariance = np.diag(sigma**2)
+    if errors is not None:
+        moved = _moved([errors[c.point] for c in control], shape.by_strip(now, free, source))
+        bending = 1e-3 * block.precision.image_um * moved[known]
+        covariance = bending @ bending.T + np.diag(_given_sigmas(block, control)[known] ** 2)
+    units = correlated_units(covariance)
+    weight = residual_weight(covariance, shape.effects(now, free, source)[known])
+    weighted = weight @ (transformed - target)[known]
     tested = examine(
         keys,
         ["m"] * count,
-        residual,
-        adjusted.r,
-        sigma,
-        vtpv=float(((residual / sigma) ** 2).sum()),
+        units**2 * weighted,
+        np.maximum(units**2 * weight.diagonal(), 0.0),
+        units,
+        vtpv=float((transformed - target)[known] @ weighted),
         redundancy=count - len(names),
         test=block.test,
         rounding=1e-9,
@@ -373,6 +401,11 @@ class _Shape:
         moves = self.slopes(ground, free) @ similarity_effects(ground - self.middle)
         return np.concatenate([moves, self.bend(ground)], axis=2)
 
+    def by_strip(self, similarity: Similarity, free: Array, points: Array) -> Array:
+        """Return (n, 3, 3): how points that are laid move with their strip coordinates."""
+        turned = similarity.scale * similarity.rotation
+        return np.asarray(self.slopes(similarity.apply(points), free) @ turned)
+
     def slopes(self, ground: Array, free: Array) -> Array:
         """Return (n, 3, 3): how points that are laid move with where the similarity has them."""
         (ex, ey), (u, v) = self._along, self._scaled(ground)
@@ -422,13 +455,26 @@ def _starts(strip: str, source: Array, target: Array) -> list[Similarity]:
     )
 
 
+def _given_sigmas(block: Block, control: Sequence[ControlPoint]) -> Array:
+    """(n, 3) standard deviations [m] of control."""
+    return np.array([block.sigma_of(point) for point in control]).reshape(-1, 3)
+
+
 def _sigmas(block: Block, control: Sequence[ControlPoint], base: float, scale: float) -> Array:
-    """(n, 3) standard deviations [m] of control against the strip."""
-    given = np.array([block.sigma_of(point) for point in control])
+    """(n, 3) standard deviations [m] of control against points of a single model."""
     c = block.cameras[0].c
     plan = scale * block.precision.image_um * 1e-3
-    sigmas: Array = np.hypot(given, np.array([plan, plan, plan * c / abs(base)]))
+    own = np.array([plan, plan, plan * c / abs(base)])
+    sigmas: Array = np.hypot(_given_sigmas(block, control), own)
     return sigmas
+
+
+def _moved(errors: Sequence[Array], by_strip: Array) -> Array:
+    """Return (n, 3, e): what a strip's errors do to points that are laid on the ground."""
+    out = np.zeros((len(errors), 3, max(e.shape[1] for e in errors)))
+    for row, own, by in zip(out, errors, by_strip, strict=True):
+        row[:, : own.shape[1]] = by @ own
+    return out
 
 
 def _points(

@@ -144,7 +144,8 @@ def extended(
     shift = similarity_effects(base[None])[0, :, :6] @ left.errors + moved_base
     right = Pose(pair.c_right, centre, rotation, np.concatenate((shift, turn)))
     xyz = np.array([p[1:] for p in solution.points]).reshape(-1, 3)
-    errors = moved.carried_by(rotation, xyz - centre, right.errors)
+    with np.errstate(invalid="ignore"):  # of points at infinity, which are not taken
+        errors = moved.carried_by(rotation, xyz - centre, right.errors)
     good = np.isfinite(xyz).all(axis=1) & np.isfinite(errors).all(axis=(1, 2))
     kept = [(k, name) for k, name in enumerate(pair.points) if good[k]]
     photos: dict[str, Pose] = {}

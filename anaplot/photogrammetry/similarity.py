@@ -238,6 +238,8 @@ def fit_to_partial(
     known = np.isfinite(target)
     if int(known.sum()) < 7 and not some:
         return None
+    # as many coordinates as parameters fit to the last digits, which say nothing of one another
+    rounding = max(1e-12 * float(np.abs(target[known]).max(initial=0.0)), 1e-12)
     now = start
     middle = source.mean(axis=0)
     for _ in range(30):
@@ -248,7 +250,7 @@ def fit_to_partial(
         e = (at - target)[known]
         design = rows[known]
         size = np.abs(e)
-        spread = max(1.5 * float(np.median(size)), 1e-12)
+        spread = max(1.5 * float(np.median(size)), rounding)
         weight = 1.0 / np.sqrt(1.0 + (size / (3.0 * spread)) ** 2)
         length = np.linalg.norm(design, axis=0)
         length[length == 0.0] = 1.0

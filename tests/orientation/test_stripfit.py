@@ -6,10 +6,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.special import chdtri
 
 from anaplot.errors import NotComputableError
-from anaplot.orientation.stripfit import StripFit, _Shape, _sigmas, _starts, fit_strip
-from anaplot.photogrammetry.block import Block, ControlPoint, Precision, TestSettings
+from anaplot.orientation.results import ModelSolution
+from anaplot.orientation.strip import bridge_strip
+from anaplot.orientation.stripfit import (
+    StripFit,
+    _Shape,
+    _sigmas,
+    _starts,
+    fit_models,
+    fit_strip,
+)
+from anaplot.photogrammetry.block import Block, ControlPoint, Precision, TestSettings, TieVariance
+from anaplot.photogrammetry.imagepoint import ImagePoint
 from anaplot.photogrammetry.rotation import rotation_matrix
 from anaplot.photogrammetry.similarity import (
     Similarity,
@@ -297,3 +308,118 @@ def test_control_near_a_line_lets_a_twist_grow_large_and_it_is_found(
     for step in np.diag([1e-3] * 3 + [1e-6] * 4 + [1e-3] * 4):
         ahead, back = square(step), square(-step)
         assert (ahead - back) ** 2 / (8.0 * (ahead + back - 2.0 * least)) < 1e-6 * least
+
+
+class LongStrip:
+    """A strip of eleven models, which bends by its errors, with control at its edges."""
+
+    def __init__(self, tie_variance: TieVariance) -> None:
+        self.made = synthetic_strip(12, seed=3)
+        self._block = replace(
+            self.made.block,
+            test=TestSettings(kind="baarda", alpha=0.001),
+            precision=Precision(image_um=5.0, control_m=0.05, tie_variance=tie_variance),
+        )
+        self.true = {
+            p.point: np.array(p[1:])
+            for model in self._models(self._measured(None))
+            for p in model.points
+        }
+        at = np.array(list(self.true.values()))
+        self.control = tuple(
+            list(self.true)[int(np.argmin(np.hypot(at[:, 0] - x, at[:, 1] - y)))]
+            for x in np.linspace(0.0, at[:, 0].max(), 6)
+            for y in (-80.0, 80.0)
+        )
+        assert len(set(self.control)) == 12
+
+    def _measured(self, rng: np.random.Generator | None) -> Block:
+        rows = [
+            ImagePoint(photo, point, *np.add(xy, 0.0 if rng is None else rng.normal(0.0, 5e-3, 2)))
+            for photo, points in self.made.truth.items()
+            for point, xy in points.items()
+        ]
+        return replace(self._block, image_points=tuple(rows))
+
+    def _models(self, block: Block) -> tuple[ModelSolution, ...]:
+        return bridge_strip(block, block.strips[0]).models
+
+    def fitted(
+        self, rng: np.random.Generator, degree: int, wrong: tuple[str, float] = ("", 0.0)
+    ) -> StripFit:
+        """Measure it, and lay it on its control, of which the height of one point may be wrong."""
+        control = tuple(
+            ControlPoint(
+                name,
+                tuple(
+                    SCALE * self.true[name]
+                    + rng.normal(0.0, 0.05, 3)
+                    + (0.0, 0.0, wrong[1] * (name == wrong[0]))
+                ),
+            )
+            for name in self.control
+        )
+        block = replace(self._measured(rng), control=control)
+        return fit_models(block, "1", self._models(block), degree=degree)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("tie_variance", "degree"), [("paper", 1), ("exact", 1), ("exact", 2), ("propagated", 3)]
+)
+def test_a_strip_that_its_errors_bend_accuses_no_control(
+    tie_variance: TieVariance, degree: int
+) -> None:
+    """Taken for rigid, four of ten good coordinates were flagged at alpha .01."""
+    strip, rng = LongStrip(tie_variance), np.random.default_rng(8)
+    found = [strip.fitted(rng, degree) for _ in range(40)]
+    total = sum(one.tested.sigma0**2 * one.tested.redundancy for one in found)
+    freedom = sum(one.tested.redundancy for one in found)
+    # v'Pv is chi-square; either bound is exceeded once in 100 000 times
+    assert chdtri(freedom, 1.0 - 1e-5) < total < chdtri(freedom, 1e-5)
+    # at most .036 of strips have a flag among 36 rows: more than 8 of 40 once in 100 000 times
+    assert sum(bool(one.tested.flagged.any()) for one in found) <= 8
+    assert all(one.remarks == () for one in found)
+
+
+def test_wrong_control_is_found_in_a_strip_that_its_errors_bend() -> None:
+    strip, rng = LongStrip("exact"), np.random.default_rng(5)
+    for name in strip.control[::4]:
+        found = strip.fitted(rng, 1, (name, 3.0))
+        worst = max(found.tested, key=lambda row: abs(row.w))
+        assert worst.key == (name, "Z")
+        # what it is off from what the others let one expect is the error, and r of it the residual
+        assert -worst.residual / worst.r == pytest.approx(3.0, abs=4.0 * worst.mdb / 4.13)
+        assert worst.r < 1.0
+
+
+def test_a_point_at_infinity_is_nowhere_on_the_ground() -> None:
+    strip = LongStrip("exact")
+    block = replace(
+        strip._measured(np.random.default_rng(1)),
+        control=tuple(
+            ControlPoint(name, tuple(SCALE * strip.true[name])) for name in strip.control
+        ),
+    )
+    models = list(strip._models(block))
+    known = fit_models(block, "1", models)
+    gone = models[3].names[1]
+    for k, model in enumerate(models):
+        if gone in model.names:
+            coordinates = model.coordinates.copy()
+            coordinates[:, model.names.index(gone)] = np.inf
+            models[k] = replace(model, of_coordinates=lambda there=coordinates: there)
+    found = fit_models(block, "1", models)
+    assert {row[0] for row in known.ground} - {row[0] for row in found.ground} == {gone}
+    assert found.similarity.scale == pytest.approx(known.similarity.scale, rel=1e-4)
+
+
+def test_as_many_coordinates_as_unknowns_leave_nothing_to_test(block: Block) -> None:
+    points = model_points()
+    level = SCALE * np.array(list(points.values())) @ rotation_matrix(0.002, -0.003, 2.1).T + SHIFT
+    ground = dict(zip(points, level.tolist(), strict=True))
+    control = [ControlPoint(n, (*ground[n][:2], None)) for n in ("p1", "p2")]
+    control += [ControlPoint(n, (None, None, ground[n][2])) for n in ("p5", "p6", "p7")]
+    found = fitted(replace(block, control=tuple(control)))
+    assert found.tested.redundancy == 0
+    assert {(point.w, point.flagged) for point in found.points} == {(None, False)}
