@@ -10,7 +10,7 @@ one ray, those that were rejected may be the right ones.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -81,9 +81,12 @@ class HardlyChecked(NamedTuple):
     @property
     def sentence(self) -> str:
         """What is said of it."""
+        out = f"{self.lost} of its {self.rays} rays are out"
+        if not self.lost:
+            out = "rays of its points in other photos are out"
         return (
-            f"less than one ray checks where photo {self.photo} is: {self.lost} of its {self.rays} "
-            "rays are out, and those left may fit another place as well; measure more points in it"
+            f"less than one ray checks where photo {self.photo} is: {out}, and those left may fit "
+            "another place as well; measure more points in it"
         )
 
 
@@ -117,10 +120,13 @@ def losses_of_photos(
 def hardly_checked_photos(
     problem: Problem,
     state: BlockState,
-    rejected: Iterable[ObservationName],
+    rejected: Collection[ObservationName],
     left_out: Iterable[str] = (),
 ) -> list[HardlyChecked]:
     """Return the photos that lose rays and of whose others less than one checks the place.
+
+    Those as well whose points lose rays of other photos: with good ones gone there a wrong place
+    of the photo itself looks right.
 
     Parameters
     ----------
@@ -133,9 +139,13 @@ def hardly_checked_photos(
     counts = np.ones(len(problem.photo), dtype=bool)
     if problem.rejected is not None:
         counts &= ~problem.rejected.any(axis=1)
+    gone = {name[2] for name in rejected if name[0] == "image"}
+    points = np.array([point in gone for point in problem.points], dtype=bool)
+    touched = np.bincount(problem.photo, points[problem.point], len(problem.photos)) > 0
+    asked = ((lost > 0) | touched) & hardly_checked(problem, counts, state)
     return [
         HardlyChecked(problem.photos[k], int(lost[k]), int(rays[k]))
-        for k in np.flatnonzero((lost > 0) & hardly_checked(problem, counts, state)).tolist()
+        for k in np.flatnonzero(asked).tolist()
     ]
 
 

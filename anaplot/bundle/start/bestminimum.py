@@ -27,6 +27,7 @@ from anaplot.bundle.start.approximate import (
 from anaplot.bundle.start.bysomepoints import oriented_by_some
 from anaplot.bundle.start.controlremark import unsolved_error
 from anaplot.bundle.start.freenetwork import from_free_network
+from anaplot.bundle.start.otherplaces import at_other_places
 from anaplot.bundle.start.pull import foreseen_torn, minimum_nearby, torn
 from anaplot.bundle.start.regrown import regrown
 from anaplot.bundle.start.robust import (
@@ -261,10 +262,15 @@ def best_minimum(
         closest and torn(problem, best.convergence.last, closest.solution)
     ):
         seen_from = None if closest is None else closest.solution
+        elsewhere = at_other_places(problem, best, progress)
+        if elsewhere is not best:
+            best, seen_from = elsewhere, None
         _check_minimum(problem, best, None if seen_from is None else seen_from.state)
         return best, seen_from, None
     if closest is not None and not (failure and closest.solution.misleads(problem)):
-        return *_led_to(problem, closest, reached, progress), None
+        led, solution = _led_to(problem, closest, reached, progress)
+        elsewhere = at_other_places(problem, led, progress)
+        return elsewhere, (solution if elsewhere is led else None), None
     if failure is None:
         failure = NotComputableError(
             f"block {problem.block.name}: no approximate values found: the measurements "

@@ -1,0 +1,252 @@
+"""Photos of few rays that a minimum leaves at the wrong one of several places.
+
+Three points make up to four places of a photo. Where hardly more tells which of them is right, the
+rays of its neighbours give way to a wrong one: a minimum that no step leads out of, with rays that
+no measurement has spoilt. From the right one all rays of the photo fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+
+from anaplot.aliases import Array, Bools, Index, Progress
+from anaplot.bundle.solve.gaussnewton import Minimum, find_minimum
+from anaplot.bundle.solve.imaging import BlockState
+from anaplot.bundle.solve.linearised import counted_misclosures
+from anaplot.bundle.solve.problem import Problem
+from anaplot.bundle.start.resection import image_misses, three_point_resection
+from anaplot.bundle.start.subblock import SubBlock, intersect_rays, rays_of_photos, unit_rays
+from anaplot.errors import NotComputableError
+
+__all__ = ["at_other_places"]
+
+_FEW = 10  # rays of a photo that three of them may have placed wrong
+_OFF = 4.0  # sigmas: farther off a ray does not fit
+_BETTER = 0.5  # of what the photo's points miss where it is: what they miss elsewhere, at most
+_MOST_PLACES = 100  # that are looked at
+_ELSEWHERE = 0.05  # of the distance to the points: nearer places are the same
+_PLACES = 10  # of one photo that are tried
+_TRIES = 60  # steps from one of them
+_MOST = 30  # minima that lead to nothing, at most
+_LEAST = 2
+_RAYS = 12_000  # in all of these
+_FAR = 1e6  # sigmas: farther off is as far
+_CHANCE = 0.003  # of rays that are off by chance
+_MOST_SIGMA0 = 3.0  # in a-priori ones, of a block whose rays are in their places
+_MUCH = 0.5  # of v'Pv: what lowers it so far tells by itself
+_NEIGHBOURS = 3
+_MEDIAN = 1.1774  # of the length of two normal residuals
+_CUT = 1.0 / 20.0  # of the camera constant: farther off is far off
+
+
+def at_other_places(problem: Problem, found: Minimum, progress: Progress | None) -> Minimum:
+    """Return the minimum with photos of few rays where all of these fit.
+
+    Parameters
+    ----------
+    problem
+        The bundle.
+    found
+        A minimum of it.
+    progress
+        Called with what is being done and the fraction of it.
+
+    Returns
+    -------
+    Minimum
+        A lower one in which next to all rays of the block fit; the one that was given where there
+        is none.
+    """
+    few = np.bincount(problem.photo, minlength=len(problem.photos)) <= _FEW
+    asked = _asked(problem, found.state) & few
+    if not asked.any():
+        return found
+    by_photo, given = rays_of_photos(problem), found
+    allowed = most = max(_LEAST, min(_MOST, _RAYS // len(problem.photo)))
+    done = np.zeros(len(problem.photos), dtype=bool)
+
+    def lower(start: BlockState, photos: Index) -> Minimum | None:
+        """Return the minimum from a state, where it is better for photos than that found so far."""
+        nonlocal most
+        most -= 1
+        try:
+            other = find_minimum(
+                problem, start, found.normal.structure, tries=_TRIES, progress=progress
+            )
+        except (NotComputableError, np.linalg.LinAlgError):
+            return None
+        share = other.convergence.last / found.convergence.last
+        mine = np.isin(problem.photo, photos)
+        fit = (_off(problem, other.state)[mine] <= _OFF).all()
+        return other if share < _MUCH or (fit and share < 1.0) else None
+
+    # photos at wrong places hide each other's: all of them, by what the others know
+    together = _all_placed(problem, found.state, np.flatnonzero(asked), by_photo)
+    if together is not None:
+        found = lower(together, np.flatnonzero(asked)) or found
+    while most > 0:
+        asked = _asked(problem, found.state) & few & ~done
+        if not asked.any():
+            break
+        # the one that misses most bends its neighbours
+        size = np.minimum(_off(problem, found.state), _FAR) ** 2
+        misses = np.bincount(problem.photo, size, len(problem.photos))
+        photo = int(np.argmax(np.where(asked, misses, -1.0)))
+        done[photo] = True
+        for start in _other_places(problem, found.state, photo, by_photo[photo]):
+            other = lower(start, np.array([photo]))
+            if other is not None:
+                found = other
+                done[:] = False
+                most = allowed  # it cannot go on for long: it is half of what it was, or fits
+            if other is not None or most <= 0:
+                break
+    # what gross errors pull at may be less anywhere: only where they are none the place is right
+    off = _off(problem, found.state, _MOST_SIGMA0)
+    return found if float(np.mean(off > _OFF)) <= _CHANCE else given
+
+
+def _asked(problem: Problem, state: BlockState) -> Bools:
+    """(photos,) which of them see a point that a ray misses."""
+    missed = np.zeros(len(problem.points), dtype=bool)
+    missed[problem.point[_off(problem, state) > _OFF]] = True
+    rays = missed[problem.point]
+    return np.asarray(np.bincount(problem.photo, rays, len(problem.photos)) > 0)
+
+
+def _all_placed(
+    problem: Problem, state: BlockState, photos: Index, by_photo: list[Index]
+) -> BlockState | None:
+    """Return a state with photos where three rays place them best by what the others know."""
+    if not 1 < len(photos) <= len(problem.photos) // 2:
+        return None
+    rays = unit_rays(problem)
+    others = SubBlock(state.centres.copy(), state.rotations, state.points)
+    others.centres[photos] = np.nan
+    known = intersect_rays(problem, others, rays, np.ones(len(problem.points), dtype=bool))
+    centres, rotations = state.centres.copy(), state.rotations.copy()
+    for photo in photos.tolist():
+        mine = by_photo[photo]
+        points = known[problem.point[mine]]
+        for at in _places(problem, state, photo, mine, rays, points, _BETTER, []):
+            centres[photo], rotations[photo] = at
+            break
+    return _intersected(problem, state, centres, rotations, rays, photos)
+
+
+def _intersected(
+    problem: Problem,
+    state: BlockState,
+    centres: Array,
+    rotations: Array,
+    rays: Array,
+    photos: Index,
+) -> BlockState:
+    """Return a state with other orientations, the points of some photos intersected anew."""
+    block = SubBlock(centres, rotations, state.points.copy())
+    seen = np.zeros(len(problem.points), dtype=bool)
+    seen[problem.point[np.isin(problem.photo, photos)]] = True
+    moved = intersect_rays(problem, block, rays, seen)
+    new = np.isfinite(moved[:, 0])
+    block.points[new] = moved[new]
+    return replace(state, centres=centres, rotations=rotations, points=block.points)
+
+
+def _off(problem: Problem, state: BlockState, most: float = np.inf) -> Array:
+    """(m,) what rays are off [sigmas: the a-priori ones, or those that half of all rays say].
+
+    But for no more than `most` of the a-priori ones.
+    """
+    off = np.linalg.norm(counted_misclosures(problem, state)[0], axis=1)
+    return np.asarray(off / min(max(1.0, float(np.median(off)) / _MEDIAN), most))
+
+
+def _other_places(
+    problem: Problem, state: BlockState, photo: int, mine: Index
+) -> Iterator[BlockState]:
+    """Yield states with a photo at other places that three of its rays make, the best first.
+
+    By points that other photos know, then also by those of one more ray, which are about there.
+    """
+    rays = unit_rays(problem)
+    alone = SubBlock(state.centres.copy(), state.rotations, state.points)
+    alone.centres[photo] = np.nan
+    seen = np.zeros(len(problem.points), dtype=bool)
+    seen[problem.point[mine]] = True
+    known = intersect_rays(problem, alone, rays, seen)[problem.point[mine]]
+    about = known.copy()
+    for k in np.flatnonzero(~np.isfinite(known[:, 0])).tolist():
+        about[k] = _along_other_ray(problem, state, rays, photo, int(problem.point[mine[k]]))
+    taken = [state.centres[photo]]
+    for points, share in ((known, _BETTER), (about, np.inf)):
+        for centre, rotation in _places(problem, state, photo, mine, rays, points, share, taken):
+            centres, rotations = state.centres.copy(), state.rotations.copy()
+            centres[photo], rotations[photo] = centre, rotation
+            yield _intersected(problem, state, centres, rotations, rays, np.array([photo]))
+        if np.isfinite(about[:, 0]).sum() == np.isfinite(known[:, 0]).sum():
+            return
+
+
+def _places(
+    problem: Problem,
+    state: BlockState,
+    photo: int,
+    mine: Index,
+    rays: Array,
+    points: Array,
+    share: float,
+    taken: list[Array],
+) -> Iterator[tuple[Array, Array]]:
+    """Yield centre and rotation of places that are not taken yet, the best first.
+
+    Those of which the points miss no more than a share of what they miss where the photo is.
+    """
+    firm, c = np.flatnonzero(np.isfinite(points[:, 0])), float(problem.c[photo])
+    if len(firm) < 3:
+        return
+    triples = firm[list(combinations(range(len(firm)), 3))]
+    centres, rotations, _ = three_point_resection(rays[mine][triples], points[triples])
+    here, there = state.centres[[photo]], state.rotations[[photo]]
+    at = np.concatenate((here, centres)), np.concatenate((there, rotations))
+    misses = image_misses(*at, c, points[firm], problem.ideal[mine[firm]])
+    missed = np.minimum(misses, _CUT * c).sum(axis=1)
+    near = _ELSEWHERE * float(np.linalg.norm(points[firm].mean(axis=0) - here[0]))
+    for count, k in enumerate(np.argsort(missed[1:], kind="stable").tolist()):
+        if not missed[1 + k] <= share * missed[0] or count >= _MOST_PLACES:
+            return
+        if any(float(np.linalg.norm(centres[k] - one)) <= near for one in taken):
+            continue
+        taken.append(centres[k])
+        yield centres[k], rotations[k]
+        if len(taken) > 2 * _PLACES:
+            return
+
+
+def _along_other_ray(
+    problem: Problem, state: BlockState, rays: Array, photo: int, point: int
+) -> Array:
+    """(3,) where a point of one more ray is about: as far along it as its neighbours in the image.
+
+    NaN where there is no such ray, or no neighbour that the photo itself does not see.
+    """
+    nowhere = np.full(3, np.nan)
+    others = np.flatnonzero((problem.point == point) & (problem.photo != photo))
+    if not len(others):
+        return nowhere
+    ray = int(others[0])
+    there = int(problem.photo[ray])
+    mine = problem.point[problem.photo == photo]
+    beside = (problem.photo == there) & ~np.isin(problem.point, mine)
+    near = np.flatnonzero(beside & np.isfinite(state.points[problem.point, 0]))
+    if not len(near):
+        return nowhere
+    apart = np.linalg.norm(problem.ideal[near] - problem.ideal[ray], axis=1)
+    nearest = near[np.argsort(apart, kind="stable")[:_NEIGHBOURS]]
+    arms = state.points[problem.point[nearest]] - state.centres[there]
+    depth = float(np.median(-(arms @ state.rotations[there])[:, 2]))
+    direction = rays[ray] / -rays[ray, 2]
+    return np.asarray(state.centres[there] + depth * (state.rotations[there] @ direction))
