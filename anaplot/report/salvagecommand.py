@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 
 from anaplot.errors import InputError
+from anaplot.exchange.blockfolder import read_block
 from anaplot.exchange.journalread import journal_files
 from anaplot.exchange.salvage import Gap
 from anaplot.report.columns import counted
 from anaplot.report.document import Document, for_programs, named, say, table
 from anaplot.report.output import Output
 from anaplot.report.progress import working
+from anaplot.session.state import SessionState
 from anaplot.station.salvage import Salvaged, salvage
 from anaplot.textfiles.wording import place
 
@@ -36,11 +39,34 @@ def run_salvage(options: argparse.Namespace) -> int:
     output.check({"is read": journal_files(options.session)}, options.salvage)
     with working("reading what can be read"):
         salvaged = salvage(options.session, options.salvage)
-    output.show(salvage_document(salvaged, place(options.salvage)))
+        lacking = _lacking(options.session, options.salvage, salvaged.state)
+    output.show(salvage_document(salvaged, place(options.salvage), lacking))
     return 0
 
 
-def salvage_document(salvaged: Salvaged, folder: str) -> Document:
+def _lacking(session: Path, folder: Path, state: SessionState) -> tuple[int, int] | None:
+    """Return how many rows of the old image_points.csv the new block lacks, and of how many.
+
+    None where there is no old one, or it cannot be read.
+    """
+    if not (session / "image_points.csv").is_file():
+        return None
+    try:
+        old, new = (read_block(one).image_points for one in (session, folder))
+    except InputError:
+        return None
+    there = {(row.photo, row.point) for row in new}
+    if state.current is not None:
+        there |= {
+            (photo, m.point) for m in state.current.measured for photo in state.current.photos
+        }
+    rows = [(row.photo, row.point) for row in old]
+    return sum(row not in there for row in rows), len(rows)
+
+
+def salvage_document(
+    salvaged: Salvaged, folder: str, lacking: tuple[int, int] | None = None
+) -> Document:
     """Return the document of a salvage.
 
     Parameters
@@ -49,6 +75,9 @@ def salvage_document(salvaged: Salvaged, folder: str) -> Document:
         What was brought over.
     folder
         Where to.
+    lacking
+        How many rows of the old image_points.csv are not in the new one, and of how many; None: not
+        known.
     """
     state, current = salvaged.state, salvaged.state.current
     missing = table("missing", _MISSING, (_gap(gap) for gap in salvaged.gaps))
@@ -59,6 +88,7 @@ def salvage_document(salvaged: Salvaged, folder: str) -> Document:
         "missing": missing,
         "left_out": list(salvaged.left_out),
         "assumed": list(salvaged.assumed),
+        "lacking": None if lacking is None else lacking[0],
     }
     have = [say("{}", counted(len(state.models), "accepted model"))]
     if current is not None:
@@ -71,6 +101,9 @@ def salvage_document(salvaged: Salvaged, folder: str) -> Document:
         *(say("left out: {}", sentence).of("look") for sentence in salvaged.left_out),
         *(say("assumed: {}", sentence).of("remark") for sentence in salvaged.assumed),
     ]
+    if lacking is not None and lacking[0]:
+        told = "image_points.csv: {} of its {} rows are not in the new block: keep the old one"
+        page.append(say(told, *lacking).of("look"))
     if len(page) == 1:
         page.append(say("nothing is missing"))
     return Document(answer, tuple(page), (missing,))

@@ -1,8 +1,10 @@
 """A new block from what can be read of a damaged journal, and what is missing in it.
 
 Where records are missing, those behind them may not fit any more. Little is assumed then, and all
-of it is said: a model is taken as accepted when the next one was begun; a tie whose measurement is
-lost becomes a new point; an undo that may have taken back something lost takes back nothing.
+of it is said: a model is taken as begun when something is measured in it, and as accepted when the
+next one was; an inner orientation is accepted anew as its fiducials have it; a tie whose
+measurement is lost becomes a new point; an undo that may have taken back something lost takes back
+nothing.
 """
 
 from __future__ import annotations
@@ -13,7 +15,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from anaplot.errors import InputError
+from anaplot.errors import InputError, NotComputableError
 from anaplot.exchange.eventcodec import event_to_payload
 from anaplot.exchange.journal import JournalRecord, event_of
 from anaplot.exchange.journalread import SESSIONS
@@ -25,6 +27,8 @@ from anaplot.session.events import (
     DecidedRow,
     DecisionsTakenOver,
     Event,
+    FiducialMeasured,
+    InnerAccepted,
     ModelAccepted,
     ModelChosen,
     ModelReopened,
@@ -39,6 +43,7 @@ from anaplot.session.events import (
     Suspended,
     Undone,
 )
+from anaplot.session.innerwork import acceptance, solve_inner
 from anaplot.session.state import (
     WHILE_SUSPENDED,
     EventRefusedError,
@@ -63,6 +68,7 @@ _PARSERS = {
     "table": table_of,
     "inner-table": inner_table_of,
 }
+_IN_A_MODEL = FiducialMeasured | InnerAccepted | PointMeasured | PointRenamed
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,15 +231,18 @@ class _Fold:
         """Return an event with what must have happened before it, and that in words."""
         events: list[Event] = []
         words: list[str] = []
-        current = self.state.current
         if self.state.suspended and not isinstance(event, WHILE_SUSPENDED):
             events.append(Resumed())
             words.append("work was resumed")
-        here = _photos_of(event)
+        here = _photos_of(event) or self._photos_of_plate(event)
         if here is not None:
             put_in, said = self._changed_over(event, here)
             events += put_in
             words += said
+            put_in, said = self._oriented(event, here, events)
+            events += put_in
+            words += said
+        current = self._ahead(events).current
         if isinstance(event, DecisionsTakenOver):
             return self._decided(event)
         if isinstance(event, ModelChosen):
@@ -251,6 +260,8 @@ class _Fold:
             if as_named != event:
                 words += _roles_told(event, {event.name: as_named.role})
             event = as_named
+        elif isinstance(event, ModelReopened):
+            event = self._reopened(event)
         elif isinstance(event, PointMeasured) and current is not None and not current.mono:
             mine = here == current.photos
             if mine and current.planned(event.point) is None:
@@ -298,7 +309,9 @@ class _Fold:
     def _changed_over(self, event: Event, here: tuple[str, str]) -> tuple[list[Event], list[str]]:
         """Return how the work came to the model of an event: what was accepted or returned to."""
         state, events, words = self.state, list[Event](), list[str]()
-        chosen, reopened = isinstance(event, ModelChosen), isinstance(event, ModelReopened)
+        strip = self._strip_begun(event, here)
+        chosen = isinstance(event, ModelChosen) or strip is not None
+        reopened = isinstance(event, ModelReopened)
         while (current := state.current) is not None:
             there = current.photos == here
             finished = there and reopened and (state.returned or not state.accepted(*here))
@@ -316,7 +329,65 @@ class _Fold:
         if elsewhere and not (chosen or reopened) and state.accepted(*here) is not None:
             events.append(ModelReopened(*here))
             words.append(f"model {plain('/'.join(here))} was returned to")
+        elif strip is not None and state.current is None:
+            events.append(ModelChosen(strip, *here, ()))
+            words.append(f"model {plain('/'.join(here))} was begun")
         return events, words
+
+    def _ahead(self, events: Iterable[Event]) -> SessionState:
+        """Return the state after events that are put in, as far as they fit."""
+        ahead = self.state
+        with contextlib.suppress(EventRefusedError):
+            for event in events:
+                ahead = apply(ahead, event)
+        return ahead
+
+    def _strip_begun(self, event: Event, here: tuple[str, str]) -> str | None:
+        """Return the strip of a model in which something is measured that was never begun."""
+        state = self.state
+        if not isinstance(event, _IN_A_MODEL) or state.accepted(*here) is not None:
+            return None
+        if state.current is not None and state.current.photos == here:
+            return None
+        return next((strip.id for strip in state.block.strips if here in strip.models()), None)
+
+    def _photos_of_plate(self, event: Event) -> tuple[str, str] | None:
+        """Return the photos of the only model in which a plate lies in its carriage, or None."""
+        if not isinstance(event, FiducialMeasured | InnerAccepted):
+            return None
+        current = self.state.current
+        if current is not None and current.mono:
+            return None
+        at = 0 if event.side == "left" else 1
+        models = (model for strip in self.state.block.strips for model in strip.models())
+        here = [model for model in models if model[at] == event.photo]
+        return here[0] if len(here) == 1 else None
+
+    def _oriented(
+        self, event: Event, here: tuple[str, str], before: list[Event]
+    ) -> tuple[list[Event], list[str]]:
+        """Return which inner orientations were accepted before something else was measured."""
+        events, words = list[Event](), list[str]()
+        while True:
+            model = self._ahead([*before, *events]).current
+            inner = None if model is None or model.photos != here else model.open_inner
+            if inner is None or not isinstance(event, _IN_A_MODEL):
+                return events, words
+            if isinstance(event, FiducialMeasured | InnerAccepted) and event.side == inner.side:
+                return events, words
+            try:
+                accepted = acceptance(inner, solve_inner(self.state.block, inner))
+            except NotComputableError:
+                return events, words  # it is refused, and why is said
+            events.append(accepted)
+            words.append(f"the inner orientation of {plain(inner.name)} was accepted")
+
+    def _reopened(self, event: ModelReopened) -> ModelReopened:
+        """Return a return to a model, without the point for which it was where that is lost."""
+        model = self.state.accepted(event.left, event.right)
+        if event.point is None or model is None or model.measurement(event.point) is not None:
+            return event
+        return replace(event, point=None, photo=None)
 
 
 def _photos_of(event: Event) -> tuple[str, str] | None:

@@ -165,6 +165,7 @@ def test_a_lost_measurement_is_told_and_the_rest_is_there(tmp_path, capsys):
         ],
         "left_out": [],
         "assumed": [],
+        "lacking": None,
     }
 
 
@@ -460,3 +461,36 @@ def test_what_cannot_be_salvaged(tmp_path, capsys):
     old, new = str(session.folder), str(session.new)
     assert main(["replay", old, "--salvage", new, "--check"]) == 2
     assert "--salvage and --check exclude each other" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["fiducials", "changes"])
+def test_no_lost_record_takes_measurements_with_it(name, tmp_path):
+    """Every measurement says where it belongs: no other record is worth more than itself."""
+
+    def places(path, without=None):
+        return [
+            (r.kind, r.payload)
+            for r in read_journal(path).records
+            if r.kind.endswith("-measured") and r.line != without
+        ]
+
+    lines = (CORPUS / f"{name}.jsonl").read_bytes().splitlines(keepends=True)
+    structure = "model-chosen", "model-accepted", "model-reopened", "inner-accepted"
+    kinds = [f'"kind":"{kind}"'.encode() for kind in structure]
+    hit = [k for k, line in enumerate(lines) if any(kind in line for kind in kinds)]
+    assert len(hit) > 3
+    hit += [k for k, line in enumerate(lines) if b'-measured"' in line][::7]
+    for k in hit:
+        old, new = tmp_path / f"old{k}.jsonl", tmp_path / f"new{k}"
+        old.write_bytes(b"".join([*lines[:k], b"#" + lines[k][1:], *lines[k + 1 :]]))
+        out = salvage(old, new)
+        assert places(new) == places(CORPUS / f"{name}.jsonl", without=k + 1), out.left_out
+
+
+def test_rows_of_the_old_file_that_are_not_brought_over_are_told(tmp_path, capsys):
+    session = Session(tmp_path, FIRST, measured("101", "102", "1"), measured("101", "102", "2"))
+    session.damage(2)
+    old = "photo,point,x,y\n101,1,1,2\n101,9,1,2\n102,9,1,2\n"  # that of 1 is in work
+    (session.folder / "image_points.csv").write_text(old)
+    assert main(["replay", str(session.folder), "--salvage", str(session.new)]) == 0
+    assert "image_points.csv: 2 of its 3 rows are not in the new block" in capsys.readouterr().out
