@@ -22,7 +22,9 @@ __all__ = ["aim_at_reference", "keep_counters", "lose_reference", "refer"]
 
 def aim_at_reference(draft: Draft, referencing: Referencing, point: str) -> None:
     """Choose what the counters are referred to; the instrument may set the mark on it."""
-    chosen = replace(referencing, chosen=point)
+    # who sets the mark by himself does it anew, wherever it stands
+    own = bool(draft.seen.own_operator)
+    chosen = replace(referencing, chosen=point, moved=referencing.moved or own)
     at = chosen.proposed(*references(draft.desk.state, draft.desk.last_measured))
     if at is None or at.name != point:
         raise InputError(f"{UNREFERENCED}; {point} is not measured or helps no further")
@@ -42,6 +44,12 @@ def refer(draft: Draft, point: str | None) -> None:
         raise InputError(f"the plotter's line is {seen.line}")
     if seen.counters is None or not (desk.standing and seen.read):
         raise InputError("the counters have not been read since: try again")
+    stands = referencing.last is not None and not referencing.is_away(seen.counters)
+    if stands and not referencing.moved:
+        raise InputError(
+            "the mark has not been moved since it was pointed at: move it away and set it anew, or "
+            "on something else"
+        )
     if point is not None:
         referencing = replace(referencing, chosen=point)
     needed, known = references(desk.state, desk.last_measured)

@@ -89,6 +89,14 @@ def _passed(draft: Draft, position: Position, within: float) -> None:
     repeating = draft.desk.repeating
     if repeating is not None and not repeating.moved and repeating.is_away(position):
         draft.change(repeating=replace(repeating, moved=True))
+    referencing = draft.desk.referencing
+    if referencing is not None and not referencing.moved:
+        by = draft.seen.shift
+        counters = Position(
+            position.xl - by.xl, position.yl - by.yl, position.xr - by.xr, position.yr - by.yr
+        )
+        if referencing.is_away(counters):
+            draft.change(referencing=replace(referencing, moved=True))
     target = draft.desk.drive_target
     if target is not None and _gap(position, target) <= within:
         _arrived(draft)

@@ -27,6 +27,9 @@ __all__ = [
 ]
 
 Offset = tuple[float, float]
+_COUNTERS = ("xl", "yl", "xr", "yr")
+_SAME_MM = 0.0005  # counters nearer than this stand where they stood
+
 Place = tuple[float, float]
 
 
@@ -145,11 +148,24 @@ class Referencing:
         Offsets said by two.
     chosen
         Name of the reference that the operator wants to point at, or None.
+    last
+        Where the counters stood at the last pointing [mm], or None.
+    moved
+        Whether they were seen elsewhere since, or the mark was set anew by itself.
     """
 
     once: Mapping[Side, Offset] = field(default_factory=dict)
     agreed: Mapping[Side, Offset] = field(default_factory=dict)
     chosen: str | None = None
+    last: Position | None = None
+    moved: bool = False
+
+    def is_away(self, position: Position) -> bool:
+        """Whether any counter [mm], as it counts, is elsewhere than at the last pointing."""
+        last = self.last
+        return last is not None and any(
+            abs(getattr(position, axis) - getattr(last, axis)) > _SAME_MM for axis in _COUNTERS
+        )
 
     def open_sides(self, needed: tuple[Side, ...]) -> tuple[Side, ...]:
         """Return the carriages whose offset is not agreed upon yet."""
@@ -198,7 +214,7 @@ class Referencing:
                     f"puts it, more than {tolerance:.3f} mm: set the mark again, twice"
                 )
             agreed[side] = ((offset[0] + before[0]) / 2.0, (offset[1] + before[1]) / 2.0)
-        return replace(self, once=once, agreed=agreed)
+        return replace(self, once=once, agreed=agreed, last=here, moved=False)
 
     def shift(self, was: Position, tolerance: float, *, mono: bool) -> Position | None:
         """Return by how much the counters are to be moved [mm]; None when they kept their origin.

@@ -374,6 +374,17 @@ def point_at(bench: Bench, shift: float) -> None:
     bench.give(Reference())
 
 
+def moved_away(bench: Bench) -> None:
+    """Move the plates away from where they are, in what their counters are moved by."""
+    at, by = bench.seen.counters, bench.seen.shift
+    assert at is not None
+    bench.hear(Position(at.xl + by.xl, at.yl + by.yl, at.xr + by.xr, at.yr + by.yr))
+    assert bench.desk.referencing is not None
+    assert not bench.desk.referencing.moved
+    bench.hear(Position(at.xl + by.xl + 0.05, at.yl + by.yl, at.xr + by.xr, at.yr + by.yr))
+    assert bench.desk.referencing.moved
+
+
 def test_a_reference_is_measured_twice(scene: Scene) -> None:
     bench = lost(scene)
     last = bench.desk.last_measured
@@ -391,6 +402,10 @@ def test_a_reference_is_measured_twice(scene: Scene) -> None:
         bench.give(RecordPoint())
     point_at(bench, 3.0)
     assert "again" in bench.desk.expected
+    # a key that is held, or pressed twice, is one pointing
+    with pytest.raises(InputError, match="the mark has not been moved since"):
+        point_at(bench, 3.0)
+    moved_away(bench)
     point_at(bench, 3.0)
     assert bench.desk.referencing is None
     refer = next(r for r in bench.requests if isinstance(r, Refer))
@@ -405,6 +420,7 @@ def test_a_reference_is_measured_twice(scene: Scene) -> None:
 def test_counters_that_kept_their_origin(scene: Scene) -> None:
     bench = lost(scene)
     point_at(bench, 0.0)
+    moved_away(bench)
     point_at(bench, 0.0)
     assert Refer(None) in bench.requests
     assert "the counters kept their origin" in bench.told

@@ -456,6 +456,7 @@ def test_photos_that_lie_otherwise_ask_for_the_counters_reference() -> None:
     here = replace(bench.stands, xl=bench.stands.xl + beyond)
     bench.seen = replace(bench.seen, counters=here, read=True)
     bench.give(Reference(name))
+    bench.seen = replace(bench.seen, counters=replace(here, xl=here.xl + 0.001), read=True)
     bench.give(Reference(name))
     assert bench.desk.referencing is None
     assert bench.desk.checks == ()
