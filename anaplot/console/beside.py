@@ -1,14 +1,19 @@
-"""A computation beside the screen, so that keys stay live while it takes its time."""
+"""A computation beside the screen, so that keys stay live while it takes its time.
+
+In a thread that the program does not wait for: who leaves has left, whatever is being computed.
+"""
 
 from __future__ import annotations
 
+import concurrent.futures
+import contextvars
+import threading
 from collections.abc import Callable
 from functools import partial
 from typing import Any, TypeVar
 
 from textual.app import App
 from textual.screen import Screen
-from textual.worker import get_current_worker
 
 from anaplot.errors import AnaplotError
 
@@ -52,18 +57,22 @@ class Beside:
             return
         self._running, self._again = True, False
         # asked for here: a screen that is closed meanwhile has no application any more
-        self._screen.run_worker(partial(self._run, self._screen.app), thread=True)
+        run = partial(contextvars.copy_context().run, self._run, self._screen.app)
+        threading.Thread(target=run, name="beside", daemon=True).start()
 
     def _run(self, app: App[Any]) -> None:
-        worker = get_current_worker()
         try:
             told: Callable[[], None] = partial(self._done, self._compute())
         except AnaplotError as error:
             told = partial(self._failed, str(error))
         except Exception as error:  # noqa: BLE001 - measuring goes on; the operator is told
             told = partial(self._failed, f"unexpected {type(error).__name__}: {error}")
-        if not worker.is_cancelled:
+        try:
             app.call_from_thread(self._finish, told)
+        except (RuntimeError, concurrent.futures.CancelledError):
+            # an application that has ended, or ends just now, takes nothing any more
+            if app.is_running:
+                raise
 
     def _finish(self, told: Callable[[], None]) -> None:
         self._running = False

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from textual.screen import Screen
-from textual.worker import get_current_worker
 
 from anaplot.aliases import Progress
 from anaplot.console.beside import Beside
@@ -65,7 +64,7 @@ class ReportWriting:
         *,
         temporary: bool = False,
     ) -> None:
-        self._write, self._say, self._temporary = write, say, temporary
+        self._screen, self._write, self._say, self._temporary = screen, write, say, temporary
         self._keys = keys
         self._beside = Beside(screen, self._written, self._done, self._failed)
         self._free = self._running = False
@@ -88,10 +87,8 @@ class ReportWriting:
         self._beside.wanted()
 
     def _written(self) -> Path:
-        worker = get_current_worker()
-
         def progress(_what: str, _share: float) -> None:
-            if worker.is_cancelled:
+            if not self._screen.is_running:
                 raise _LeftError
 
         assert self._write is not None
