@@ -72,11 +72,16 @@ def pack_block(folder: Path, target: Path) -> tuple[str, ...]:
             if total > _MOST_BYTES:
                 raise InputError(f"{place(folder)}: more than {_MOST_BYTES / 1e6:g} MB in all")
             listed[name] = {"bytes": len(data), "sha256": hashlib.sha256(data).hexdigest()}
-            pack.writestr(name, data)
+            pack.writestr(_entry(name), data, zipfile.ZIP_DEFLATED)
         manifest = {"format": _FORMAT, "program": f"anaplot {__version__}", "files": listed}
-        pack.writestr(MANIFEST, json.dumps(manifest, indent=1))
+        pack.writestr(_entry(MANIFEST), json.dumps(manifest, indent=1), zipfile.ZIP_DEFLATED)
     create_whole(target, packed.getvalue())
     return names
+
+
+def _entry(name: str) -> zipfile.ZipInfo:
+    """Return a file's entry, without the time: one before 1980 or after 2107 has no place in it."""
+    return zipfile.ZipInfo(name)
 
 
 def block_paths(folder: Path) -> tuple[Path, ...]:

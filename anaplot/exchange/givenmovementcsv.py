@@ -6,7 +6,7 @@ from pathlib import Path
 
 from anaplot.photogrammetry.givenmovement import GivenMovement
 from anaplot.textfiles.csvtable import CsvColumns, read_csv
-from anaplot.textfiles.kinds import NAME, NUMBER, Blank, Number
+from anaplot.textfiles.kinds import METRES, NAME, Blank, Number
 from anaplot.textfiles.wording import place
 
 __all__ = ["read_given_movement"]
@@ -35,7 +35,7 @@ def read_given_movement(path: Path) -> tuple[GivenMovement, ...]:
     """
     table = read_csv(
         path,
-        {"point": NAME, "dX": NUMBER, "dY": NUMBER, "dZ": NUMBER},
+        {"point": NAME, "dX": METRES, "dY": METRES, "dZ": METRES},
         {"from": Blank(_EPOCH), "to": Blank(_EPOCH)},
     )
     if not len(table):

@@ -9,7 +9,7 @@ import stat
 import threading
 import time
 import zlib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple, Self
@@ -158,7 +158,8 @@ class Journal:
             _sync_entries(folder)
             scan = scan_folder(sessions, keep, choose)
             if accept is not None:
-                accept(Recovered(scan.records, (), scan.snapshot))
+                with _telling_tail(scan.files):
+                    accept(Recovered(scan.records, (), scan.snapshot))
             remarks = [*scan.remarks, *journal._begin(scan.files)]
         except BaseException:
             journal._leave()
@@ -463,6 +464,22 @@ def _check_files(sessions: Path) -> None:
             check_own(path)
     except OSError as error:
         raise InputError(f"{place(sessions)}: cannot be read: {reason(error)}") from error
+
+
+@contextlib.contextmanager
+def _telling_tail(files: Sequence[FileScan]) -> Iterator[None]:
+    """Say of what contradicts a journal that its end is torn: that may be why."""
+    try:
+        yield
+    except InputError as error:
+        last = files[-1] if files else None
+        if last is None or last.tail is None:
+            raise
+        torn = f"{place(last.path, last.tail.line)}: {last.tail}"
+        raise InputError(
+            f"{error}; but the journal ends torn ({torn}): the file may be the newer of the two; "
+            "anaplot replay BLOCK --salvage NEWBLOCK keeps both"
+        ) from error
 
 
 def _mended(last: FileScan) -> tuple[int, int, list[str]]:

@@ -224,6 +224,8 @@ def _check_count(pair: Stereopair, conditions: ConditionEquations) -> None:
                 f"model {pair.name}: {_points(y_rows)} in common, a strip's first model needs five"
             )
         return
+    if not pair.points:
+        raise TooFewError(f"model {pair.name}: no points in common")
     if not x_rows:
         if any(point in pair.ties for point in pair.points):
             raise TooFewError(f"model {pair.name}: every tie is switched off, there is no scale")

@@ -167,6 +167,10 @@ def bridge_strip(
     rows = rows_by_photo(block.image_points) if rows is None else rows
     before: Mapping[str, ImagePoint] = {}
     for photos in strip.models():
+        unseen = next((photo for photo in photos if photo not in rows), None)
+        if unseen is not None:
+            why = f"model {model_name(*photos)}: photo {unseen} has no image points"
+            return BridgedStrip(strip.id, tuple(models), f"strip {strip.id}, {why}")
         left, right = (
             points_of(rows.get(photo, ()), photo, model_name(*photos)) for photo in photos
         )

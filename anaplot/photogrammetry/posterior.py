@@ -18,6 +18,7 @@ from anaplot.textfiles.wording import hint, quoted
 __all__ = ["MOST_COORDINATES", "CoordinateName", "Posterior", "coordinate_name"]
 
 
+_FARTHEST = 1e12  # m, as of any coordinate in a file
 MOST_COORDINATES = 6000
 """Of one covariance: it has 288 MB then."""
 
@@ -119,6 +120,9 @@ class Posterior:
             seen.add(name)
         if not (np.isfinite(self.x).all() and np.isfinite(c).all()):
             raise InputError(f"{self.source}: a number in x or C is not finite")
+        if (np.abs(self.x) > _FARTHEST).any():
+            worst = self.names[int(np.argmax(np.abs(self.x)))].text
+            raise InputError(f"{self.source}: {quoted(worst)} lies farther than {_FARTHEST:g} m")
         diagonal = np.diag(c)
         if (diagonal < 0.0).any():
             worst = self.names[int(np.argmin(diagonal))].text

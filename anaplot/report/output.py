@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
+import json
 import os
+import re
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple, TextIO
 
@@ -15,12 +18,18 @@ from anaplot.report.asjson import json_parts, json_text
 from anaplot.report.astext import page_parts
 from anaplot.report.document import Document, Table
 from anaplot.textfiles.inputfile import real_path
-from anaplot.textfiles.wholefile import make_folder, replace_whole
+from anaplot.textfiles.wholefile import (
+    all_or_nothing,
+    make_folder,
+    replace_whole,
+    write_together,
+)
 from anaplot.textfiles.wording import place, reason
 
 __all__ = ["Output"]
 
 _SUMMARY = "summary.json"
+_TABLE = re.compile(r"[a-z0-9_]{1,64}")
 
 
 class Output(NamedTuple):
@@ -38,6 +47,8 @@ class Output(NamedTuple):
         A folder for all tables, and for the rest of the answer.
     stream
         Standard output when None.
+    named
+        Other files that the command line names.
     """
 
     as_json: bool = False
@@ -45,12 +56,20 @@ class Output(NamedTuple):
     csv: Path | None = None
     to: Path | None = None
     stream: TextIO | None = None
+    named: tuple[Path, ...] = ()
 
     @classmethod
     def of(cls, options: argparse.Namespace) -> Output:
         """Return what the options of a command line ask for."""
         asked = vars(options)
-        return cls(options.json, options.all, asked.get("csv"), asked.get("tables"))
+        named = [one for key, one in asked.items() if isinstance(one, Path) and key != "csv"]
+        return cls(
+            options.json,
+            options.all,
+            asked.get("csv"),
+            asked.get("tables"),
+            named=tuple(path for path in named if not path.is_dir()),
+        )
 
     def check(
         self, taken: Mapping[str, Iterable[Path]] | None = None, made: Path | None = None
@@ -71,7 +90,7 @@ class Output(NamedTuple):
             standard output itself; or the folder for all tables holds something else.
         """
         if self.csv is not None:
-            _check_csv(self.csv, taken or {}, made)
+            _check_csv(self.csv, taken or {}, made, self.named)
         if self.to is not None:
             _check_folder(self.to)
 
@@ -105,7 +124,12 @@ class Output(NamedTuple):
                 print(part, file=stream)
 
 
-def _check_csv(path: Path, taken: Mapping[str, Iterable[Path]], made: Path | None) -> None:
+def _check_csv(
+    path: Path,
+    taken: Mapping[str, Iterable[Path]],
+    made: Path | None,
+    named: Iterable[Path],
+) -> None:
     where = f"{place(path)}: cannot be written"
     try:
         # as it will be written: in place of what a link leads to
@@ -119,12 +143,21 @@ def _check_csv(path: Path, taken: Mapping[str, Iterable[Path]], made: Path | Non
                     raise InputError(f"{where}: the folder is read-only")
             elif made is None or parent != real_path(made):
                 raise InputError(f"{where}: there is no folder {place(parent)}")
-        uses = {**taken, "becomes a folder": () if made is None else (made,)}
+        folder = () if made is None else (made,)
+        uses = {**taken, "becomes a folder": folder, "is named as well": named}
         for use, files in uses.items():
             if any(target == real_path(file) for file in files):
                 raise InputError(f"{where}: it {use}; name another file for the table")
         if path.is_file() and _is_output(path):
             raise InputError(f"{where}: the report goes there")
+        # what knows blocks is loaded where a table is written
+        from anaplot.exchange.ownfiles import block_of_file
+
+        block = block_of_file(target)
+        if block is not None:
+            raise InputError(
+                f"{where}: it is a file of block {place(block)}; name another file for the table"
+            )
     except (OSError, ValueError) as error:
         raise InputError(f"{where}: {reason(error)}") from error
 
@@ -148,7 +181,7 @@ def _check_folder(folder: Path) -> None:
             return
         if not folder.is_dir():
             raise InputError(f"{where}: it is no folder")
-        if any(folder.iterdir()) and not (folder / _SUMMARY).is_file():
+        if any(folder.iterdir()) and _earlier_tables(folder) is None:
             raise InputError(f"{where}: it is neither new nor empty")
     except (OSError, ValueError) as error:
         raise InputError(f"{where}: {reason(error)}") from error
@@ -168,8 +201,33 @@ def _write_csv(path: Path, table: Table) -> None:
 
 
 def _write_folder(folder: Path, document: Document) -> None:
-    make_folder(folder)
-    for table in document.tables:
-        replace_whole(folder / f"{table.key}.csv", csv_text(table).encode())
+    """Write every table and the summary, and take away the tables of an earlier output."""
+    names = [f"{table.key}.csv" for table in document.tables]
     rest = {k: v for k, v in document.answer.items() if not isinstance(v, Table)}
-    replace_whole(folder / _SUMMARY, json_text(rest).encode() + b"\n")
+    rest["tables"] = [table.key for table in document.tables]
+
+    def files() -> Iterator[tuple[Path, bytes]]:
+        for name, table in zip(names, document.tables, strict=True):
+            yield folder / name, csv_text(table).encode()
+        yield folder / _SUMMARY, json_text(rest).encode() + b"\n"
+
+    earlier = _earlier_tables(folder) or []
+    with all_or_nothing():
+        make_folder(folder)
+        write_together(files())
+    for name in earlier:
+        if name not in names:
+            with contextlib.suppress(OSError):
+                (folder / name).unlink()
+
+
+def _earlier_tables(folder: Path) -> list[str] | None:
+    """Return the names of the tables that an earlier output made in a folder; None: there is none.
+
+    Its summary says so itself.
+    """
+    try:
+        said = json.loads((folder / _SUMMARY).read_bytes())["tables"]
+        return [f"{key}.csv" for key in said if _TABLE.fullmatch(key)]
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        return None

@@ -33,7 +33,7 @@ from anaplot.photogrammetry.posterior import (
     coordinate_name,
 )
 from anaplot.report.npzfile import check_npz_path, write_arrays
-from anaplot.textfiles.inputfile import read_bytes
+from anaplot.textfiles.inputfile import read_bytes, real_path
 from anaplot.textfiles.names import name_fault
 from anaplot.textfiles.wholefile import check_place
 from anaplot.textfiles.wording import place, quoted
@@ -138,6 +138,13 @@ def check_carried(
     if isinstance(posterior, str | os.PathLike):
         check_npz_path(Path(posterior), "--posterior")
         check_place(Path(posterior))
+        if isinstance(given, str | os.PathLike) and real_path(Path(posterior)) == real_path(
+            Path(given)
+        ):
+            raise InputError(
+                f"--posterior {place(Path(posterior))}: --given is read from it, and would be "
+                "counted twice with the next adjustment; name another file"
+            )
 
 
 def with_given(

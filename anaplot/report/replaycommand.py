@@ -15,7 +15,7 @@ from anaplot.exchange.journalread import journal_files
 from anaplot.orientation.results import ModelSolution
 from anaplot.photogrammetry.block import Block
 from anaplot.report.computed import Computed
-from anaplot.report.document import BLANK, Document
+from anaplot.report.document import BLANK, Document, say
 from anaplot.report.modeldocument import model_document, model_tables
 from anaplot.report.output import Output
 from anaplot.report.progress import working
@@ -76,7 +76,10 @@ def run_replay(options: argparse.Namespace) -> int:
     if options.to is not None:
         rebuild(replayed, options.to)
     if options.check:
-        return _checked(replayed)
+        output.show(_check_document(replayed))
+        if replayed.differences:
+            complain(str(replayed.differences[0]))
+        return 1 if replayed.differences else 0
     output.show(replay_document(replayed.block, session_solutions(replayed.state)))
     return 0
 
@@ -92,12 +95,17 @@ def _check_csv(options: argparse.Namespace, otherwise: bool) -> None:
         raise InputError("--csv goes with the models, which --check, --speed and --console replace")
 
 
-def _checked(replayed: Replayed) -> int:
-    if replayed.differences:
-        complain(str(replayed.differences[0]))
-        return 1
-    print(f"{replayed.tables} tables and {replayed.measurements} measurements came out the same")
-    return 0
+def _check_document(replayed: Replayed) -> Document:
+    """Return the document of a comparison; what differs is complained of."""
+    answer = {
+        "tables": replayed.tables,
+        "measurements": replayed.measurements,
+        "differences": [one._asdict() for one in replayed.differences],
+    }
+    same = say(
+        "{} tables and {} measurements came out the same", replayed.tables, replayed.measurements
+    )
+    return Document(answer, () if replayed.differences else (same,), ())
 
 
 def replay_document(block: Block, solutions: Sequence[tuple[str, ModelSolution]]) -> Document:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Set
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from anaplot.photogrammetry.block import Block, Strip
@@ -308,7 +308,8 @@ def status_of(
     bridged
         Strips of the block as `bridge` has them; those that are missing are bridged here.
     """
-    suspected = suspected_models(view)
+    named = _with_models(view, block)
+    suspected = suspected_models(named)
     ahead, recomputed = _of_session(state)
     there = measured_in_files(block)
     known = _bridged(block, there, bridged)
@@ -328,14 +329,14 @@ def status_of(
     opened = next((m.name for strip in strips for m in strip.models if m.state == "open"), "")
     measured = bool(block.image_points)
     if state is not None and ahead is not None:
-        step = following(opened, measured, view, folder, state, ahead, held=is_held(block))
+        step = following(opened, measured, named, folder, state, ahead, held=is_held(block))
     elif (photo := _wrong_photo(block, accidents)) is not None:
         step = NextStep("return", f"anaplot open {folder}", *photo)
     elif accidents.surest is not None:
         wrong = accidents.surest
         step = NextStep("return", f"anaplot open {folder}", wrong.model, point=wrong.accident.point)
     else:
-        step = following(opened, measured, view, folder, held=is_held(block))
+        step = following(opened, measured, named, folder, held=is_held(block))
     return BlockStatus(
         strips, recomputed, view, coverage_of(block), step, accidents, ways_to_open(block)
     )
@@ -383,6 +384,27 @@ def is_held(block: Block) -> bool:
         or block.given is not None
         or any(photo.position_sigma is not None for photo in block.photos)
     )
+
+
+def _with_models(view: BlockView | None, block: Block) -> BlockView | None:
+    """Return a view in which accused rays of rows that name no model have the first they are in."""
+    if view is None or all(suspect.accused.model is not None for suspect in view.suspects):
+        return view
+    measured = set(names_of(block.image_points))
+    suspects = []
+    for suspect in view.suspects:
+        accused, *others = suspect.rays
+        if accused.model is None:
+            models = (model for strip in block.strips for model in strip.models())
+            there = (
+                "/".join(model)
+                for model in models
+                if accused.photo in model
+                and all((photo, suspect.point) in measured for photo in model)
+            )
+            accused = accused._replace(model=next(there, None))
+        suspects.append(replace(suspect, rays=(accused, *others)))
+    return replace(view, suspects=tuple(suspects))
 
 
 def _wrong_photo(block: Block, accidents: BlockAccidents) -> tuple[str, str] | None:

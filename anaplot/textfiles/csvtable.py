@@ -164,9 +164,13 @@ class CsvColumns:
             other = first.setdefault(values, row)
             if other != row:
                 inside = zip(key[1:], values[1:], strict=True)
-                where = "".join(f" in {name} {quoted(value)}" for name, value in inside if value)
+                where = "".join(f" in {name} {_said(value)}" for name, value in inside if value)
                 lines = f"(lines {self.line(other)} and {self.line(row)})"
-                raise self.fail(row, None, f"{key[0]} {quoted(values[0])} twice{where} {lines}")
+                raise self.fail(row, None, f"{key[0]} {_said(values[0])} twice{where} {lines}")
+
+
+def _said(value: Any) -> str:
+    return quoted(value) if isinstance(value, str) else f"{value:g}"
 
 
 def read_csv(

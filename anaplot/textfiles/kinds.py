@@ -7,6 +7,7 @@ than 0, not -1"); the reader puts file, line, table and key before them.
 from __future__ import annotations
 
 import math
+import re
 from array import array
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any, Generic, TypeVar
@@ -50,6 +51,9 @@ __all__ = [
 
 T = TypeVar("T")
 S = TypeVar("S")
+
+
+_NOT_ZERO = re.compile(r"[-+]?[0.]*[1-9]")  # of which nothing is left
 
 
 class WrongValueError(ValueError):
@@ -129,6 +133,8 @@ class Number(Kind[float]):
             number = math.nan
         # float() also takes 1_000, other scripts' digits, "nan" and what overflows.
         if math.isfinite(number) and text.isascii() and "_" not in text:
+            if number == 0.0 and _NOT_ZERO.match(text):
+                raise WrongValueError(f"is too small a number: {quoted(text)}")
             return self.of(number)
         raise WrongValueError(
             f"must be a finite number, not {quoted(text)}" if text else "is empty"
@@ -150,6 +156,7 @@ class Number(Kind[float]):
         joined = "".join(texts)
         # a sum is finite only where all of them are
         good = joined.isascii() and "_" not in joined and math.isfinite(sum(numbers))
+        good = good and not (0.0 in numbers and "e-" in joined.lower())
         if good and (self._unbounded or all(map(self._holds, (min(numbers), max(numbers))))):
             return numbers
         return array("d", map(self.of_text, texts))

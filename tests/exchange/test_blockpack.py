@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import time
 import zipfile
 from pathlib import Path
 
@@ -171,3 +172,14 @@ def test_the_file_of_a_pattern_is_part_of_the_block(tmp_path: Path) -> None:
     (folder / "block.toml").write_text(text.replace('"mine.csv"', f'"{pattern}"'))
     with pytest.raises(InputError, match=r"pattern file '.*' stands outside of the block"):
         pack_block(folder, tmp_path / "c.zip")
+
+
+@pytest.mark.parametrize("year", [1970, 2200])
+def test_the_clock_of_the_machine_does_not_matter(
+    block: Path, tmp_path: Path, year: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # a board without a battery begins in 1970, of which a zip file knows nothing
+    now = time.struct_time((year, 1, 1, 0, 0, 0, 3, 1, 0))
+    monkeypatch.setattr(time, "localtime", lambda *_: now)
+    pack_block(block, tmp_path / "b.zip")
+    assert main(["unpack", str(tmp_path / "b.zip"), "-o", str(tmp_path / "again")]) == 0

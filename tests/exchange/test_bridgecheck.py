@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import json
+import re
+
 import pytest
+from clibench import make_block as make_demo
 from hypothesis import given
 from hypothesis import strategies as st
 
+from anaplot.cli import main
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import check_for_bridge, read_block
 from anaplot.photogrammetry.block import ImagePoint
@@ -13,6 +18,12 @@ from anaplot.photogrammetry.selection import model_name, points_of, rows_by_phot
 
 HEADER = "photo,point,x,y,model\n"
 GOOD = HEADER + "101,1,1,2,\n102,1,3,4,101/102\n102,1,3,4,102/103\n103,1,5,6,\n"
+
+
+def camera_of(toml: str) -> str:
+    found = re.search(r'^\[\[camera\]\]\s+id = "([^"]+)"', toml, re.MULTILINE)
+    assert found is not None
+    return found[1]
 
 
 def refused(folder) -> str:
@@ -33,9 +44,32 @@ def test_a_photo_in_no_strip(make_block, block_toml):
     assert "photo '999' is in no strip" in refused(make_block(toml, GOOD))
 
 
-def test_a_photo_without_points(make_block):
-    message = refused(make_block(points=HEADER + "101,1,1,2,\n102,1,3,4,\n"))
-    assert message == "image_points.csv: photo '103' of strip '1' has no image points"
+def test_a_photo_without_points(make_block, block_toml):
+    message = refused(make_block(points=HEADER + "102,1,3,4,\n103,1,5,6,\n"))
+    assert message == "image_points.csv: photo '101' of strip '1' has no image points"
+    # a later one is not measured yet: what is there can be computed
+    begun = make_block(points=HEADER + "101,1,1,2,\n102,1,3,4,\n")
+    check_for_bridge(read_block(begun))
+
+
+def test_a_strip_that_is_not_begun_does_not_stop_the_others(tmp_path, capsys):
+    folder = make_demo(tmp_path / "b", photos=4)
+    toml = (folder / "block.toml").read_text()
+    more = '[[strip]]\nid = "2"\nphotos = ["201", "202", "203"]\n'
+    names = "".join(
+        f'[[photo]]\nid = "{n}"\ncamera = "{camera_of(toml)}"\n' for n in (201, 202, 203)
+    )
+    (folder / "block.toml").write_text(toml + more + names)
+    rows = (folder / "image_points.csv").read_text().splitlines()
+    (folder / "image_points.csv").write_text("\n".join(r for r in rows if r[:4] != "104,") + "\n")
+    assert main(["bridge", str(folder), "--json"]) == 4
+    out, err = capsys.readouterr()
+    first, second = json.loads(out)["strips"]
+    assert [(m["left"], m["right"]) for m in first["models"]] == [("101", "102"), ("102", "103")]
+    assert first["error"] == "strip 1, model 103/104: photo 104 has no image points"
+    assert second["models"] == []
+    assert second["error"] == "strip 2, model 201/202: photo 201 has no image points"
+    assert first["error"] in err
 
 
 def test_no_points_at_all(make_block):

@@ -32,6 +32,9 @@ def test_movements_of_two_epochs_and_of_more(tmp_path) -> None:
         ("point,from,to,dX,dY,dZ\np1,1.5,2,0,0,0\n", "there is no 1.5"),
         ("point,from,to,dX,dY,dZ\np1,0,2,0,0,0\n", "line 2: from: must lie between"),
         ("point,dX,dY,dZ\np1,0,0,0\np1,0,0,1\n", "(lines 2 and 3)"),
+        ("point,from,to,dX,dY,dZ\np1,1,2,0,0,0\np1,1,2,0,0,1\n", "twice in from 1 in to 2"),
+        ("point,dX,dY,dZ\np1,1e155,0,0\n", "line 2: dX: must lie between"),
+        ("point,dX,dY,dZ\np1,0,1e-400,0\n", "line 2: dY: is too small a number: '1e-400'"),
     ],
 )
 def test_what_is_wrong_is_named(tmp_path, rows, said) -> None:

@@ -67,6 +67,31 @@ def test_commands_that_make_no_sense_are_answered_with_a_fault(simulated):
     assert plotter.positions() == Position(0.0, 0.0, 0.0, 0.0)
 
 
+def test_a_checksum_that_is_not_required_may_be_left_out():
+    profile = load_profile("anaplot-ascii")
+    assert profile.checksum is not None
+    assert not profile.checksum.required
+    decoder, place = Decoder(profile), Position(1.0, 2.0, 3.0, 4.0)
+    whole = decoder.drive_command(place)
+    bare = whole[: whole.index(profile.checksum.marker)]
+    for command, understood in (
+        (whole, True),
+        (bare + b"\n", True),
+        (whole.replace(b"1.0", b"1.5", 1), False),
+    ):
+        plotter = SimulatedPlotter(profile, {}, hand=Hand(follow=False))
+        plotter.receive(command)
+        heard = [type(reading) for reading in Decoder(profile).feed(plotter.step(60.0), 0.0)]
+        assert (Fault not in heard) == understood
+        assert (difference(plotter.positions(), place) < 0.01) == understood
+    # where one is required nothing is understood without
+    strict = load_profile("anaplot-ascii-crc")
+    plotter = SimulatedPlotter(strict, {}, hand=Hand(follow=False))
+    plotter.receive(bare + b"\n")
+    (fault,) = Decoder(strict).feed(plotter.step(60.0), 0.0)
+    assert isinstance(fault, Fault)
+
+
 def test_commands_may_come_byte_by_byte(simulated):
     plotter = SimulatedPlotter(simulated, {}, hand=Hand(follow=False))
     decoder = Decoder(simulated)

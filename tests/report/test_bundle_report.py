@@ -380,6 +380,7 @@ def test_tables_are_written_with_the_keys_of_json(tmp_path: Path) -> None:
                 assert float(row["effect_x_Z"]) == expected["effect_x"][2]
     assert file.read_bytes() == (to / "points.csv").read_bytes()
     summary = json.loads((to / "summary.json").read_text())
+    assert {f"{key}.csv" for key in summary.pop("tables")} == {p.name for p in to.glob("*.csv")}
     assert {**got, **summary} == got
     assert summary["indicators"] == got["indicators"]
 

@@ -16,6 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from anaplot.errors import InputError
+from anaplot.report import output as output_module
 from anaplot.report.ascsv import csv_text
 from anaplot.report.asjson import json_text
 from anaplot.report.astext import MOST_ROWS, page_text, table_lines
@@ -267,7 +268,8 @@ def test_output_goes_where_it_is_asked_to(tmp_path: Path) -> None:
         output.show(document())
     assert stream.getvalue().count("TWO") == 2
     assert file.read_bytes() == (folder / "points.csv").read_bytes() == csv_text(made(2)).encode()
-    assert json.loads((folder / "summary.json").read_text()) == {"count": 2}
+    summary = json.loads((folder / "summary.json").read_text())
+    assert summary == {"count": 2, "tables": ["points"]}
     assert sorted(path.name for path in folder.iterdir()) == ["points.csv", "summary.json"]
     printed = io.StringIO()
     Output(as_json=True, stream=printed).show(document())
@@ -284,3 +286,37 @@ def test_no_folder_with_anything_else_is_written_into(tmp_path: Path) -> None:
         Output(to=tmp_path / "image_points.csv" / "inner").check()
     (tmp_path / "empty").mkdir()
     Output(to=tmp_path / "empty").check()
+
+
+def test_tables_of_an_earlier_output_do_not_stay_beside_those_of_another(tmp_path: Path) -> None:
+    # `off.csv` of one block stood beside the results of the next
+    Output(to=tmp_path).write(document())
+    (tmp_path / "notes.csv").write_text("mine")
+    other = Document({"count": 1}, (), (replace(made(2), key="photos"),))
+    Output(to=tmp_path).write(other)
+    names = ["notes.csv", "photos.csv", "summary.json"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == names
+    # a summary says nothing of files elsewhere
+    (tmp_path / "inner").mkdir()
+    told = {"tables": ["../notes", "photos", 7, None]}
+    (tmp_path / "inner" / "summary.json").write_text(json.dumps(told))
+    Output(to=tmp_path / "inner").write(document())
+    assert (tmp_path / "notes.csv").read_text() == "mine"
+
+
+def test_what_cannot_be_written_whole_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # on a full disk the tables stayed, and the same command refused its own folder
+    folder = tmp_path / "tables"
+    tables = (made(2), replace(made(2), key="photos"))
+
+    def full(table: Table) -> str:
+        if table.key == "photos":
+            raise InputError("no space left on device")
+        return csv_text(table)
+
+    monkeypatch.setattr(output_module, "csv_text", full)
+    with pytest.raises(InputError, match="no space"):
+        Output(to=folder).write(Document({}, (), tables))
+    assert not folder.exists()

@@ -10,6 +10,7 @@ import pytest
 from journaltools import append_event
 
 from anaplot.cli import main
+from anaplot.errors import InputError
 from anaplot.exchange.journal import Journal
 from anaplot.report.logcommand import log_document
 from anaplot.session.changes import Change
@@ -117,3 +118,34 @@ def test_foreign_names_control_no_terminal() -> None:
     assert "\x1b" not in text
     assert "\x07" not in text
     assert "\\x1b[2J" in text
+
+
+def test_a_torn_end_is_told_by_whatever_reads_the_block(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    block = tmp_path / "b"
+    assert main(["replay", str(SESSION), "--to", str(block)]) == 0
+    (block / "sessions").mkdir()
+    whole = SESSION.read_bytes()
+    (block / "sessions" / "0001.jsonl").write_bytes(whole[:-20])
+    capsys.readouterr()
+    for command in ("log", "status"):
+        assert main([command, str(block), "--json"]) == 0
+        note = json.loads(capsys.readouterr().out)["differs_from_journal"]
+        assert (note["count"], note["rows"]) == (0, [])
+        assert "0001.jsonl line" in note["remark"]
+        assert "not a complete record: left out (cut off there, or being written)" in note["remark"]
+
+
+def test_what_contradicts_a_journal_that_ends_torn_may_be_the_newer(tmp_path: Path) -> None:
+    def refuse(_: object) -> None:
+        raise InputError("the file says something else")
+
+    with Journal.open(tmp_path, {})[0]:
+        pass
+    file = tmp_path / "sessions" / "0001.jsonl"
+    file.write_bytes(file.read_bytes() + b'{"seq":2,"t":')
+    before = file.read_bytes()
+    with pytest.raises(InputError, match=r"something else; but the journal ends torn .*--salvage"):
+        Journal.open(tmp_path, {}, accept=refuse)
+    assert file.read_bytes() == before

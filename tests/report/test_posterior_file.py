@@ -91,6 +91,7 @@ def test_other_layouts_of_the_same_are_read(tmp_path):
         ({"C": C[:2]}, "C of shape (2, 3)"),
         ({"C": C.ravel()}, "C of shape (9,)"),
         ({"x": np.array([1.0, np.nan, 0.0])}, "a number in x or C is not finite"),
+        ({"x": np.array([1.0, 2.0, 1e155])}, "'photo:101:omega' lies farther than 1e+12 m"),
         ({"C": np.full((3, 3), np.inf)}, "a number in x or C is not finite"),
         ({"C": C + np.triu(np.ones((3, 3)), 1)}, "C is not symmetric"),
         ({"C": np.diag([1.0, -1.0, 1.0])}, "the variance of 'point:a:b:Y' is negative"),

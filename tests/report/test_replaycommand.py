@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 import shutil
+import zlib
 from pathlib import Path
 
 import pytest
@@ -60,3 +62,22 @@ def test_a_table_that_is_not_long_is_whole(capsys, everything):
     out = capsys.readouterr().out
     assert "RED-N" in out
     assert "not shown" not in out
+
+
+def test_a_comparison_is_told_to_programs_too(tmp_path, capsys):
+    assert main(["replay", str(SESSION), "--check", "--json"]) == 0
+    same = json.loads(capsys.readouterr().out)
+    assert same["differences"] == []
+    assert same["tables"] > 0
+    lines = SESSION.read_bytes().splitlines(keepends=True)
+    k = next(k for k, line in enumerate(lines) if b'"kind":"table"' in line)
+    text = lines[k].rpartition(b',"crc"')[0]
+    text = re.sub(rb'(\["101-1","y",)[^,]+', rb"\g<1>0.5", text, count=1)
+    changed = text + b',"crc":"%08x"}\n' % zlib.crc32(text)
+    (tmp_path / "s.jsonl").write_bytes(b"".join([*lines[:k], changed, *lines[k + 1 :]]))
+    assert main(["replay", str(tmp_path / "s.jsonl"), "--check", "--json"]) == 1
+    out, err = capsys.readouterr()
+    (first, *_) = json.loads(out)["differences"]
+    assert Path(first["file"]).name == "s.jsonl"
+    assert first["line"] == k + 1
+    assert first["what"] in err

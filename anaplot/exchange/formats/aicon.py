@@ -97,7 +97,7 @@ def read(source: Path, options: ImportOptions) -> Imported:
     known = {row.point for row in rows}
     block = Block(
         source.stem or "aicon",
-        Precision(image_um=sigma),
+        Precision(sigma, "exact"),
         TestSettings(),
         (camera,),
         tuple(Photo(name, camera.id, *poses.get(name, (None, None))) for name in camera_of),

@@ -109,7 +109,7 @@ class Interior(NamedTuple):
 def read_rays(path: Path, notes: list[Note]) -> list[ImageRow]:
     """Read a .phc; raises InputError."""
     rows = []
-    for line, fields in _rows(path):
+    for line, fields in _full_rows(path):
         if len(fields) < 4:
             raise line.fail(f"{len(fields)} fields, where image, point, x and y are expected")
         x, y = (number(line, text, "x and y") for text in fields[2:4])
@@ -220,6 +220,16 @@ def read_interior(path: Path) -> Interior:
     if hypot(v[1], v[2]) > c:
         raise last.fail("the principal point lies further off than Ck")
     return Interior(c, (v[1], v[2]), (v[3], v[4], v[5]), (v[6], v[7]), (v[8], v[9]), v[10])
+
+
+def _full_rows(path: Path) -> Iterator[tuple[SourceLine, list[str]]]:
+    """Yield rows of a table: one with fewer fields than those before it was cut off."""
+    most = 0
+    for line, fields in _rows(path):
+        if len(fields) < most:
+            raise line.fail(f"{len(fields)} fields, where the rows before it have {most}")
+        most = len(fields)
+        yield line, fields
 
 
 def _rows(path: Path) -> Iterator[tuple[SourceLine, list[str]]]:

@@ -93,7 +93,7 @@ def read(source: Path, options: ImportOptions) -> Imported:
     notes.append(Note("dropped", points, text))
     block = Block(
         source.stem or "bal",
-        Precision(image_um=sigma),
+        Precision(sigma, "exact"),
         TestSettings(),
         made,
         tuple(_photo(k, *rest) for k, rest in enumerate(zip(of_camera, of_photo, strict=True))),

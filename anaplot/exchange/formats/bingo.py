@@ -86,7 +86,7 @@ def read(source: Path, options: ImportOptions) -> Imported:
         notes.append(Note("assumed", len(geoin.control), text))
     block = Block(
         source.stem or "bingo",
-        Precision(image_um=sigma),
+        Precision(sigma, "exact"),
         TestSettings(),
         tuple({camera.id: camera for camera in cameras.values()}.values()),
         tuple(

@@ -139,7 +139,7 @@ def read(source: Path, options: ImportOptions) -> Imported:
         raise InputError(f"{place(model.file('images'))}: no ray lies in its image")
     block = Block(
         _name(folder),
-        Precision(image_um=sigma_um),
+        Precision(sigma_um, "exact"),
         TestSettings("tau"),
         cameras,
         tuple(_photo(image, camera_of[image.name], model) for image in used),

@@ -111,7 +111,7 @@ def read(source: Path, options: ImportOptions) -> Imported:
     )
     block = Block(
         source.stem or source.name or "patb",
-        Precision(image_um=sigma),
+        Precision(sigma, "exact"),
         TestSettings(),
         found.cameras,
         photos,

@@ -232,7 +232,7 @@ def pixel_block(
         notes.append(Note("dropped", len(idle), "images without a point", tuple(idle[:4])))
     return Block(
         name,
-        Precision(image_um=sigma_px * um),
+        Precision(sigma_px * um, "exact"),
         TestSettings(),
         (camera,),
         tuple(Photo(photo, camera.id) for photo in camera_of),

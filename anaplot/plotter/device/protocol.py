@@ -163,9 +163,10 @@ class DeviceProtocol:
         payload = line.rstrip(b"\r")
         if checksum is not None and checksum.host:
             bare = payload[: -checksum.length]
-            if payload != bare + checksum.digits(bare):
+            if payload == bare + checksum.digits(bare):
+                payload = bare
+            elif checksum.required or checksum.marker in payload:
                 return NotUnderstood()
-            payload = bare
         if payload == self._stop_payload:
             return Halt()
         match = self._command.fullmatch(payload)

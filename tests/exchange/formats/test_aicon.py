@@ -145,6 +145,7 @@ def test_it_is_the_same_block_by_this_door(tmp_path: Path) -> None:
         ("phc", "1 7 1.25", "1 7 1250", "line 1: 1250, -2.5 mm lies outside what the camera"),
         ("phc", PHC, "1 7 1.25\n", "line 1: 3 fields, where image, point, x and y"),
         ("phc", PHC, "# nothing\n", "no image point"),
+        ("phc", PHC, PHC.rstrip()[:-9], "fields, where the rows before it have"),
         ("phc", "2 7", f"2 {'7' * 256}", "line 3: the point name"),
         ("ior", "Ck -28.5", "Ck 0", "no Ck, the camera constant"),
         ("ior", "xh 0.1", "xh 0.1\nxh 0.1", "line 3: xh twice"),

@@ -355,7 +355,7 @@ def test_what_is_something_else_is_not_recognised(tmp_path: Path) -> None:
 def test_strips_of_the_files_in_use_are_bridged(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    block = replace(table_block(), precision=Precision(image_um=4.0))
+    block = replace(table_block(), precision=Precision(image_um=4.0, tie_variance="exact"))
     write_block(tmp_path / "mine", block)
     out = ["1 2 3 4"]
     for photo in block.photos:
