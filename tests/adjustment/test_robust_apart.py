@@ -83,6 +83,7 @@ def parted(steps: Sequence[SearchStep]) -> tuple[list[SearchStep], list[SearchSt
     return list(steps[:count]), list(steps[count:])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("strategy", ["huber", "danish"])
 @pytest.mark.parametrize("held", [(), (5, 20)])
 @given(st.integers(0, 10**6))

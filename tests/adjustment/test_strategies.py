@@ -509,6 +509,7 @@ def test_refusals() -> None:
         SearchSettings(alpha=0.7)
 
 
+@pytest.mark.slow
 def test_odds_begin_with_the_first_of_equal_ends_whatever_the_rounding() -> None:
     same = 0
     for seed in range(12):

@@ -353,6 +353,7 @@ def test_apart_is_as_one(monkeypatch, strategy: str, kind: str, seed: int, count
     assert apart.block.cofactors.r == pytest.approx(one.block.cofactors.r, abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [3, 10])
 def test_points_of_one_photo_that_are_off_alike_go_as_one_by_one(monkeypatch, seed: int) -> None:
     scene = aerial(3, 6, per_base=3, control_sigma=0.05, noise_um=5.0, seed=seed)
@@ -373,6 +374,7 @@ def test_points_of_one_photo_that_are_off_alike_go_as_one_by_one(monkeypatch, se
     assert set(apart.findings.rows) == set(one.findings.rows)
 
 
+@pytest.mark.slow
 def test_rows_of_one_sweep_go_together_and_few_sweeps_are_enough(monkeypatch) -> None:
     scene = aerial(4, 10, per_base=2, control_sigma=0.05, noise_um=5.0)
     scene = spoiled(scene, 7, 20, 20.0, 100.0)

@@ -84,6 +84,7 @@ def test_points_that_are_left_out_stay_out_in_a_block_with_other_rows() -> None:
     assert last in anew.points
 
 
+@pytest.mark.slow
 def test_far_mismatches_are_out_from_the_beginning_and_told_with_their_size() -> None:
     block, wrong = far_block(9)
     found = block_gross_errors(block, "search", ALPHA)

@@ -477,6 +477,7 @@ def test_what_positions_and_angles_ask_for_is_advised():
     assert offset_advice(adjust_block(block, datum="free")) == []
 
 
+@pytest.mark.slow
 def test_what_a_search_takes_apart_is_asked_whole():
     # it rejects heights of control, or of positions, one by one, and nothing is left to tell
     block = flown(PriorOffsets(), seed=8, angles=False).scene.block

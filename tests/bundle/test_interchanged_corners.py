@@ -17,6 +17,8 @@ from anaplot.photogrammetry.block import ControlPoint
 from anaplot.photogrammetry.exchangedpoints import exchanged_pairs
 from anaplot.photogrammetry.rotation import rotation_matrix
 
+pytestmark = pytest.mark.slow
+
 CORNERS = ("p1", "p6", "p25", "p30")  # left and right below, left and right above
 MIDDLE = "p15"
 SIGMA = 0.05
@@ -52,9 +54,9 @@ ALONG, ACROSS, DIAGONAL = ("p1", "p6"), ("p1", "p25"), ("p6", "p25")
     ("pair", "relief"),
     [
         (ALONG, 5.0),
-        pytest.param(("p25", "p30"), 5.0, marks=pytest.mark.slow),
-        pytest.param(ACROSS, 5.0, marks=pytest.mark.slow),
-        pytest.param(ALONG, 150.0, marks=pytest.mark.slow),
+        (("p25", "p30"), 5.0),
+        (ACROSS, 5.0),
+        (ALONG, 150.0),
     ],
 )
 def test_two_of_four_corners_are_named(pair: tuple[str, str], relief: float) -> None:
@@ -134,10 +136,10 @@ def test_fixed_control_is_named_and_not_searched() -> None:
     [
         # the other two corners fit the block upside down, 3.6 km off: sigma0 was 1
         (ALONG, 5.0),
-        pytest.param(("p25", "p30"), 5.0, marks=pytest.mark.slow),
-        pytest.param(ACROSS, 5.0, marks=pytest.mark.slow),
-        pytest.param(ACROSS, 30.0, marks=pytest.mark.slow),
-        pytest.param(("p1", MIDDLE), 5.0, marks=pytest.mark.slow),
+        (("p25", "p30"), 5.0),
+        (ACROSS, 5.0),
+        (ACROSS, 30.0),
+        (("p1", MIDDLE), 5.0),
     ],
 )
 def test_two_of_five_are_out_and_the_block_is_upright(pair: tuple[str, str], relief: float) -> None:
@@ -155,7 +157,7 @@ def plan_and_heights(control: tuple[ControlPoint, ...], plan: int) -> tuple[Cont
     return tuple(known_in(row, "XY" if k < plan else "Z") for k, row in enumerate(control))
 
 
-@pytest.mark.parametrize("strategy", ["search", pytest.param("baarda", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("strategy", ["search", "baarda"])
 def test_two_of_four_points_known_in_plan_are_named(strategy: str) -> None:
     # the two others hold a block, 3.5 km off: nothing checked it
     scene = scene_with(("p8", "p22"), "p8", "p22", "p11", "p29", "p3", "p14", "p27", relief=40.0)

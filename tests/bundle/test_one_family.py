@@ -16,6 +16,8 @@ from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import Block
 from anaplot.photogrammetry.prioroffsets import PriorOffsets
 
+pytestmark = pytest.mark.slow
+
 Place = tuple[float, float, float]
 
 

@@ -95,6 +95,7 @@ def test_no_photo_stays_at_a_wrong_place(seed: int, grid: int, sigma0: float) ->
     assert max(off.values()) < 30.0, off
 
 
+@pytest.mark.slow
 def test_a_minimum_that_fits_and_one_with_gross_errors_stay() -> None:
     block, _ = oblique(1, 11)
     adjusted = adjust_block(block)

@@ -158,6 +158,7 @@ def test_rays_that_meet_bring_their_points_back() -> None:
     assert with_meeting(problem, problem, start) is None
 
 
+@pytest.mark.slow
 def test_photos_that_hang_on_them_are_named() -> None:
     layout, scene = facade_below(np.array([[k * 1e8, 2e8, -4e8] for k in range(-3, 4)]), 2)
     # of the last photo nothing is left but the sky

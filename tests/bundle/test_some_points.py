@@ -49,6 +49,7 @@ def test_a_small_block_is_not_parted() -> None:
     assert some_points(make_problem(scene().block)) is None
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("few")
 def test_every_photo_keeps_enough_rays_and_everything_known() -> None:
     problem = make_problem(scene().block)
@@ -119,6 +120,7 @@ def test_some_points_lead_where_all_of_them_lead() -> None:
     assert here.rays.any()
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("few")
 def test_a_state_has_settled_only_where_a_step_with_all_points_was_taken(
     monkeypatch: pytest.MonkeyPatch,

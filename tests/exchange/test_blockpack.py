@@ -102,6 +102,7 @@ def test_names_that_lead_elsewhere_are_refused(tmp_path: Path, name: str) -> Non
     refused(zipped({MANIFEST: manifest(files)}), tmp_path, "no name of a block's file")
 
 
+@pytest.mark.slow
 def test_what_claims_too_much_is_refused(tmp_path: Path) -> None:
     claim = {"block.toml": {"bytes": 10**12, "sha256": "0" * 64}}
     refused(zipped({MANIFEST: manifest(claim), "block.toml": b""}), tmp_path, "larger than")

@@ -40,6 +40,7 @@ def test_text_is_what_the_csv_writer_writes(rows: list[tuple[object, ...]]) -> N
     assert csv_text(header, iter(rows)) == written.getvalue()
 
 
+@pytest.mark.slow
 def test_many_rows_are_one_after_another() -> None:
     rows = [(f"p{k}", k / 7.0) for k in range(40_000)]
     text = csv_text(("point", "x"), rows)

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from anaplot.session.history import History
 
 
+@pytest.mark.slow
 @given(
     st.integers(1, 4),
     st.lists(st.tuples(st.integers(0, 40), st.none() | st.integers(0, 9)), max_size=40),
