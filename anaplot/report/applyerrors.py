@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from itertools import takewhile
@@ -28,7 +29,7 @@ from anaplot.exchange.rejectedrows import (
     next_time,
     rejecting_reason,
 )
-from anaplot.photogrammetry.block import ImagePoint
+from anaplot.photogrammetry.block import Block, ImagePoint
 from anaplot.report.adjustcommand import adjust
 from anaplot.report.columns import counted
 from anaplot.report.document import BLANK, Document, say
@@ -65,7 +66,9 @@ def run_adjust(options: argparse.Namespace) -> int:
     if options.apply and options.errors is None and options.thin is None:
         raise InputError("--apply goes with --errors or --thin")
     with sessions_kept_out(folder):
-        before = read_block(folder).image_points
+        block = read_block(folder)
+        _check_session(folder, block)
+        before = block.image_points
         output = Output.of(options)
         output.check({"is read": reads})
         if options.apply_undo:
@@ -221,6 +224,18 @@ def _left(rows: Iterable[ImagePoint], names: Collection[str]) -> str:
         verb = "lies" if beneath == 1 else "lie"
         parts.append(f"{beneath} {verb} beneath {', '.join(sorted(others))}: take that back first")
     return "; ".join(parts)
+
+
+def _check_session(folder: Path, block: Block) -> None:
+    """Refuse a file of which the session's journal says something else: nobody could open it."""
+    if not os.path.lexists(folder / "sessions"):
+        return
+    # only blocks with a session need what a session needs
+    from anaplot.station.journaled import journaled
+
+    found = journaled(folder, block)
+    if found.edited:
+        raise InputError(f"{found.remark(folder)}; nothing is written")
 
 
 def _write(folder: Path, before: Sequence[ImagePoint], rows: Sequence[ImagePoint]) -> None:

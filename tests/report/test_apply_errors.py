@@ -293,3 +293,28 @@ def test_everything_comes_back(decided: list[tuple[str, str | None]], steps: lis
     for strategy, old in reversed(history):
         rows = taken_back(rows, [strategy])
         assert rows == old
+
+
+def test_nothing_is_applied_to_a_file_that_contradicts_its_session(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    # it was written, and nobody could open it any more
+    session = Path(__file__).parents[1] / "sessions" / "changes.jsonl"
+    block = tmp_path / "b"
+    assert cli.main(["replay", str(session), "--to", str(block)]) == 0
+    (block / "sessions").mkdir()
+    (block / "sessions" / "0001.jsonl").write_bytes(session.read_bytes())
+    command = ["adjust", str(block), "--datum", "free", "--errors", "rms", "--apply"]
+    file = block / "image_points.csv"
+    header, first, *rows = file.read_text().splitlines(keepends=True)
+    photo, point, x, *rest = first.split(",")
+    file.write_text(
+        "".join([header, ",".join([photo, point, f"{float(x) + 0.05:.4f}", *rest]), *rows])
+    )
+    before = file.read_bytes()
+    capsys.readouterr()
+    assert cli.main(command) == 2
+    said = capsys.readouterr().err
+    assert point in said
+    assert said.endswith("nothing is written\n")
+    assert file.read_bytes() == before
