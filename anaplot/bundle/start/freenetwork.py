@@ -11,6 +11,7 @@ from anaplot.aliases import Progress
 from anaplot.bundle.solve.datum import check_datum
 from anaplot.bundle.solve.gaussnewton import find_minimum
 from anaplot.bundle.solve.imaging import BlockState
+from anaplot.bundle.solve.linearised import objective
 from anaplot.bundle.solve.problem import Problem, make_problem
 from anaplot.bundle.solve.structure import make_structure
 from anaplot.bundle.start.approximate import approximate_ways, laid_onto_control, restricted
@@ -21,6 +22,7 @@ from anaplot.errors import NotComputableError
 __all__ = ["free_network", "from_free_network"]
 
 
+_FITS = 4.0  # sigma0 up to which no other way is tried
 _TRIES = 40  # steps: a robust solution lies next to the minimum, or there is none
 
 
@@ -79,13 +81,24 @@ def _solution(
 
 
 def _solution_anew(free: Problem, progress: Progress | None) -> tuple[BlockState, bool] | None:
-    """Return the solution from the first approximate values that lead to one; None: none do."""
+    """Return the solution from the first approximate values that lead to one that fits.
+
+    Where none does, the one of the least v'Pv; None: none lead to any.
+    """
+    best: tuple[BlockState, bool] | None = None
+    least = np.inf
     for way in approximate_ways(free):
         with suppress(NotComputableError, np.linalg.LinAlgError):
             state = way.find(progress)
-            if state is not None:
-                return _solution(free, state, progress)
-    return None
+            if state is None:
+                continue
+            found = _solution(free, state, progress)
+            value = objective(free, found[0])[0]
+            if value < least:
+                best, least = found, value
+            if not found[1] and value < _FITS**2 * free.observations:
+                break
+    return best
 
 
 def from_free_network(
