@@ -17,7 +17,7 @@ from anaplot.report.ascsv import csv_text
 from anaplot.report.asjson import json_parts, json_text
 from anaplot.report.astext import page_parts
 from anaplot.report.document import Document, Table
-from anaplot.textfiles.inputfile import real_path
+from anaplot.textfiles.inputfile import read_bytes, real_path
 from anaplot.textfiles.wholefile import (
     all_or_nothing,
     make_folder,
@@ -29,6 +29,7 @@ from anaplot.textfiles.wording import place, reason
 __all__ = ["Output"]
 
 _SUMMARY = "summary.json"
+_MOST_BYTES = 500_000_000  # of a summary
 _TABLE = re.compile(r"[a-z0-9_]{1,64}")
 
 
@@ -227,7 +228,7 @@ def _earlier_tables(folder: Path) -> list[str] | None:
     Its summary says so itself.
     """
     try:
-        said = json.loads((folder / _SUMMARY).read_bytes())["tables"]
+        said = json.loads(read_bytes(folder / _SUMMARY, _MOST_BYTES))["tables"]
         return [f"{key}.csv" for key in said if _TABLE.fullmatch(key)]
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+    except (InputError, ValueError, KeyError, TypeError, RecursionError):
         return None
