@@ -12,6 +12,7 @@ from anaplot.report.arguments import (
     between,
     correlation,
     length,
+    names,
     none_or_percentage,
     planted,
     positive,
@@ -387,7 +388,7 @@ def add_fit_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--without",
-        type=lambda text: tuple(part.strip() for part in text.split(",")),
+        type=names,
         default=(),
         metavar="POINTS",
         help="control points, separated by commas, that are compared and do not take part",

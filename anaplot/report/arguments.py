@@ -7,7 +7,9 @@ import math
 from collections.abc import Callable
 from pathlib import Path
 
+from anaplot.errors import InputError
 from anaplot.report.commandparser import NewTarget
+from anaplot.report.keywords import separated
 from anaplot.shares.address import LOCAL, cluster_address
 
 __all__ = [
@@ -19,6 +21,7 @@ __all__ = [
     "correlation",
     "length",
     "lengths",
+    "names",
     "none_or_length",
     "none_or_percentage",
     "percentage",
@@ -152,9 +155,17 @@ def none_or_length(text: str) -> float:
         raise argparse.ArgumentTypeError(f"{text!r} is neither 0 nor from 1e-09 to 1e+06") from None
 
 
+def names(text: str) -> tuple[str, ...]:
+    """Return names, `separated` by commas."""
+    try:
+        return separated(text)
+    except InputError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
+
+
 def planted(text: str) -> tuple[str, ...]:
-    """Return errors "WHERE:AXIS:UM", separated by commas."""
-    parts = tuple(part.strip() for part in text.split(","))
+    """Return errors "WHERE:AXIS:UM", `separated` by commas."""
+    parts = names(text)
     for part in parts:
         where, axis, um = ("", *part.rsplit(":", 2))[-3:]
         try:

@@ -18,6 +18,7 @@ __all__ = [
     "declared_options",
     "keywords_of",
     "names_in",
+    "separated",
     "takes_options",
 ]
 
@@ -104,10 +105,29 @@ def keywords_of(compute: Callable[..., object], options: Mapping[str, Any]) -> d
 
 
 def names_in(given: str | Iterable[str]) -> tuple[str, ...]:
-    """Return names that are given one by one, or separated by commas."""
-    if isinstance(given, str):
-        given = (part.strip() for part in given.split(","))
-    return tuple(name for name in given if name)
+    """Return names that are given one by one, or `separated` by commas."""
+    return tuple(name for name in (separated(given) if isinstance(given, str) else given) if name)
+
+
+def separated(text: str) -> tuple[str, ...]:
+    """Return parts with commas between; one in double quotes may hold some, as in a CSV file.
+
+    Raises
+    ------
+    InputError
+        A quote is not closed, or something stands behind it.
+    """
+    parts = tuple(part.strip() for part in text.split(","))
+    if not any(part.startswith('"') for part in parts):
+        return parts
+    import csv
+
+    try:
+        return tuple(
+            part.strip() for part in next(csv.reader([text], skipinitialspace=True, strict=True))
+        )
+    except csv.Error as error:
+        raise InputError(f"{plain(text)}: no parts with commas between: {error}") from error
 
 
 def _checked(action: argparse.Action, value: Any) -> Any:
@@ -136,4 +156,13 @@ def _text(value: Any) -> str:
     """Return a value as one types it: a list with commas."""
     if isinstance(value, os.PathLike):
         return os.fsdecode(value)
-    return ",".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
+    if not isinstance(value, list | tuple):
+        return str(value)
+    return ",".join(_quoted(str(part)) for part in value)
+
+
+def _quoted(part: str) -> str:
+    """Return a part of a list as `separated` takes it for one."""
+    if "," not in part and not part.startswith('"'):
+        return part
+    return '"' + part.replace('"', '""') + '"'

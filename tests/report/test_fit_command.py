@@ -90,3 +90,33 @@ def test_a_flagged_point_can_fail(folder: Path, capsys: pytest.CaptureFixture[st
     assert main(["fit", str(folder), "--fail-on-flag"]) == 1
     out = capsys.readouterr().out
     assert "< flagged" in next(line for line in out.splitlines() if line.split()[:1] == cells[:1])
+
+
+def test_names_with_commas_are_put_aside_and_planted(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    block = read_block(folder)
+    old = block.control[1].point
+    new = 'p,1"3'
+    for name in ("image_points.csv", "control.csv"):
+        with (folder / name).open(newline="") as file:
+            rows = list(csv.reader(file))
+        with (folder / name).open("w", newline="") as file:
+            csv.writer(file).writerows(
+                [[new if cell == old else cell for cell in row] for row in rows]
+            )
+    given = '"p,1""3"'
+    assert (
+        main(["fit", str(folder), "--without", f"{given}, {block.control[2].point}", "--json"]) == 0
+    )
+    (strip,) = json.loads(capsys.readouterr().out)["strips"]
+    aside = {point["point"] for point in strip["points"] if not point["used"]}
+    assert aside == {new, block.control[2].point}
+    photo = next(row.photo for row in read_block(folder).image_points if row.point == new)
+    errors = f'"{photo}:p,1""3:y:60"'
+    assert main(["bridge", str(folder), "--plant", errors, "--json"]) in (0, 1)
+    (planted,) = json.loads(capsys.readouterr().out)["planted"]
+    assert planted["where"] == f"{photo}:{new}"
+    for text in ('"p,1', '"p"x,1'):
+        assert main(["fit", str(folder), "--without", text]) == 2
+        assert "no parts with commas between" in capsys.readouterr().err

@@ -29,7 +29,12 @@ def test_what_was_done_is_counted_once() -> None:
     assert work_done(before, again) == (0, count)
     assert work_done(state, again) == (0, 1)
     assert work_done(before, apply(again, Undone())) == (0, count)
+    # what went back to the pointing before was not measured
+    assert work_done(again, apply(again, Undone())) == (0, 0)
     accepted = apply(state, ModelAccepted("101", "102"))
+    twice = apply(again, ModelAccepted("101", "102"))
+    assert work_done(twice, accepted) == (0, 0)
+    assert work_done(accepted, twice) == (1, 1)
     assert work_done(before, accepted) == (1, count)
     assert work_done(state, accepted) == (1, 0)
     assert work_done(accepted, apply(accepted, scene.choice(accepted, 1))) == (0, 0)

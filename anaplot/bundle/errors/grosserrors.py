@@ -88,6 +88,7 @@ MOST_ROWS_OF_COLUMNS = 100_000
 against each row that it holds."""
 
 _MOST_PHOTOS = 5  # that remarks name
+_HARDLY = 1e-3  # redundancy number below which control that is left checks nothing
 _TORN = 4.0  # sigma0 from which a robust state is a second place to linearise at
 _NEAR = 0.1  # of n: change in the last step to it; what that leaves, the first pass adjusts
 
@@ -222,7 +223,7 @@ class BlockFindings(Cleaned[BlockPlace, ObservationName, AllRows]):
         points = set(as_likely_wrong(problem.every) if hardly else ())
         points.update(str(name[1]) for name in (out if points else ()))
         left = self.block.control_rows()
-        unchecked = {row.key for row in unchecked_values(self.block)}
+        unchecked = {row.key for row in unchecked_values(self.block, _HARDLY)}
         for axes in ("XY", "Z"):
             gone, here = (
                 [name for name in names if str(name[2]) in axes]

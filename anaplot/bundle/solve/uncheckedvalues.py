@@ -13,7 +13,9 @@ from anaplot.bundle.solve.observations import ObservationName
 __all__ = ["unchecked_values"]
 
 
-def unchecked_values(block: AdjustedBlock) -> list[Observation[ObservationName]]:
+def unchecked_values(
+    block: AdjustedBlock, limit: float = SPUR
+) -> list[Observation[ObservationName]]:
     """Return the coordinates and distances in which no error of a size that occurs can be seen.
 
     The redundancy number alone does not say so: it is as small where a value is stated far sharper
@@ -25,6 +27,8 @@ def unchecked_values(block: AdjustedBlock) -> list[Observation[ObservationName]]
     ----------
     block
         An adjusted block.
+    limit
+        Redundancy number below which an error is not seen.
 
     Returns
     -------
@@ -43,9 +47,9 @@ def unchecked_values(block: AdjustedBlock) -> list[Observation[ObservationName]]
             rows.starts[3] + np.flatnonzero(~angular),
         )
     )
-    order = order[tested.use[order] & (tested.r[order] < SPUR) & (rows.sigma[order] > 0.0)]
+    order = order[tested.use[order] & (tested.r[order] < limit) & (rows.sigma[order] > 0.0)]
     sharper = np.maximum(1.0, _typical(block) / rows.sigma[order])
-    return tested.rows(order[tested.r[order] * sharper**2 < SPUR])
+    return tested.rows(order[tested.r[order] * sharper**2 < limit])
 
 
 def _typical(block: AdjustedBlock) -> float:

@@ -143,6 +143,10 @@ def read(source: Path, options: ImportOptions) -> Imported:
     if bare:
         text = f"control points without a sigma of every coordinate: {control_m:g} m"
         notes.append(Note("assumed", len(bare), text, bare[:4]))
+    initial = tuple(one.camera.id for one in sensors.values() if one.initial)
+    if initial:
+        text = "sensors without an adjusted calibration: as it was stated at first"
+        notes.append(Note("assumed", len(initial), text, initial[:4]))
     rolling = sum(sensor.rolling for sensor in sensors.values())
     if rolling:
         notes.append(Note("dropped", rolling, "sensors' rolling shutters"))

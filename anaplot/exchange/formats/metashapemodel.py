@@ -48,12 +48,15 @@ class Sensor(NamedTuple):
         K1 to K4, and p1, p2 as OPENCV has them, where our lens does not hold them; else none.
     rolling
         Whether it has a rolling shutter.
+    initial
+        Whether there is no adjusted calibration, so that it has the one that was stated at first.
     """
 
     camera: Camera
     radial: tuple[float, ...]
     tangential: tuple[float, float]
     rolling: bool
+    initial: bool = False
 
     def pinhole(self, pixels: Array) -> tuple[Array, Array]:
         """Return (n, 2) pixels as a pinhole camera had measured them; NaN where nothing is.
@@ -86,10 +89,10 @@ def sensor_of(found: Element, name: str) -> Sensor:
     if kind != "frame":
         raise found.at.fail(f"sensor type {quoted(kind)}: only frame is read")
     stated = [one for one in found.children if one.name == "calibration"]
-    best = [one for one in stated if one.attributes.get("class") == "adjusted"] or stated
-    if not best:
+    adjusted = [one for one in stated if one.attributes.get("class") == "adjusted"]
+    if not stated:
         raise found.at.fail(f"sensor {quoted(name)} has no calibration")
-    calibration = best[0]
+    calibration = (adjusted or stated)[0]
     if calibration.attributes.get("type", "frame") != "frame":
         raise calibration.at.fail("only the calibration of a frame camera is read")
     size = calibration.child("resolution") or found.child("resolution")
@@ -123,9 +126,8 @@ def sensor_of(found: Element, name: str) -> Sensor:
         (width / 2.0 + value["cx"], height / 2.0 + value["cy"]),
     )
     mode = found.value("rolling_shutter") or found.value("rolling_shutter_mode") or "false"
-    return Sensor(
-        camera, k if k[3] else (), (p1, p2), mode.lower() not in ("false", "disabled", "0")
-    )
+    rolling = mode.lower() not in ("false", "disabled", "0")
+    return Sensor(camera, k if k[3] else (), (p1, p2), rolling, not adjusted)
 
 
 _NUMBERS: Final = (

@@ -186,6 +186,8 @@ def read_files(files: OpensfmFiles, options: ImportOptions, name: str) -> Import
         raise InputError("--crs: the system is that of gcp_list.txt, in its first line")
     placed_there = reference is not None or not control
     points, said = image_points_of(rays, camera_by_photo, pixels=True)
+    if not points:
+        raise InputError(f"{place(files.tracks)}: no ray lies in its image")
     notes += said
     notes += _assumed(options, largest, control, reference, placed_there)
     block = Block(

@@ -55,6 +55,14 @@ def test_a_camera_file_is_the_block_that_colmap_has(tmp_path: Path, scene: Tilte
     assert said["cameras without a marker"] == 1
     assert said["sensors' rolling shutters"] == 1
     assert not any("without a sigma" in text for text in said)  # every marker has one
+    assert not any("adjusted calibration" in text for text in said)
+    first = tmp_path / "first.xml"
+    first.write_text(
+        (tmp_path / "c.xml").read_text().replace('class="adjusted"', 'class="initial"')
+    )
+    notes = metashape.read(first, PLAIN).notes
+    (initial,) = (note for note in notes if "without an adjusted calibration" in note.text)
+    assert (initial.what, initial.count) == ("assumed", 1)
     bare = tmp_path / "bare.xml"
     bare.write_text((tmp_path / "c.xml").read_text().replace(' sx="0.02"', "", 1))
     notes = metashape.read(bare, PLAIN).notes

@@ -422,6 +422,7 @@ BROKEN = {
     "latitude": ("reference_lla.json", lambda t: t.replace("48.1", "98.1"), "between -90 and 90"),
     "no latitude": ("reference_lla.json", lambda t: "{}", "no 'longitude'"),
     "system": ("gcp_list.txt", lambda t: "hello\n", "no coordinate system"),
+    "no ray": ("tracks.csv", lambda t: t.replace("IMG_", "XMG_"), "no ray lies in its image"),
     "no system": ("gcp_list.txt", lambda t: "# nothing\n", "no line says"),
     "short": ("gcp_list.txt", lambda t: "WGS84\n1 2 3 4 5\n", "line 2: 5 fields"),
     "gcp number": ("gcp_list.txt", lambda t: "WGS84\n1e999 2 3 4 5 a b\n", "finite number"),
