@@ -128,6 +128,8 @@ def _drive(draft: Draft, point: str) -> None:
 def _record(draft: Draft) -> None:
     if draft.desk.abilities is None:
         raise InputError("no plotter is connected: nothing to record")
+    if draft.seen.line in ("lost", "reconnecting"):
+        raise InputError(f"the plotter's line is {draft.seen.line}: nothing is recorded over it")
     if draft.desk.referencing is not None:
         raise InputError(UNREFERENCED)
     draft.recordable()

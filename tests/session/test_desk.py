@@ -385,6 +385,15 @@ def moved_away(bench: Bench) -> None:
     assert bench.desk.referencing.moved
 
 
+@pytest.mark.parametrize("line", ["lost", "reconnecting"])
+def test_nothing_is_recorded_over_a_line_that_is_lost(scene: Scene, line: str) -> None:
+    # "drive to a point first" was said, although the plates stood on it
+    bench = lost(scene)
+    bench.seen = replace(bench.seen, line=line)
+    with pytest.raises(InputError, match=f"the plotter's line is {line}"):
+        bench.give(RecordPoint())
+
+
 def test_a_reference_is_measured_twice(scene: Scene) -> None:
     bench = lost(scene)
     last = bench.desk.last_measured
