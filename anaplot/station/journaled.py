@@ -33,24 +33,17 @@ class Journaled(NamedTuple):
         How many measurements of accepted models have no row in the file.
     unread
         Why it was not read, or "".
-    torn
-        That its end is torn, or "".
     """
 
     state: SessionState | None = None
     edited: tuple[EditedRow, ...] = ()
     unread: str = ""
     lacking: int = 0
-    torn: str = ""
 
     def remark(self, folder: Path) -> str:
-        """Return in a line what is wrong with the journal or differs from it, or ""."""
+        """Return in a line that the journal was not read or that the file differs, or ""."""
         if self.unread:
             return self.unread
-        told = "" if not self.torn else f"{self.torn} (cut off there, or being written)"
-        return "; ".join(words for words in (told, self._differing(folder)) if words)
-
-    def _differing(self, folder: Path) -> str:
         if not self.edited:
             return self._lacking(folder)
         more = len(self.edited) - 1
@@ -89,11 +82,10 @@ def journaled(folder: Path, block: Block) -> Journaled:
     from anaplot.session.state import start
 
     try:
-        read = read_journal(folder, keep=is_event)
-        torn = next((one for one in read.remarks if one.endswith(": left out")), "")
-        if not read.records:  # nothing happened that a file could differ from
-            return Journaled(start(block), torn=torn)
-        return _compared(folder, block, read.records)._replace(torn=torn)
+        records = read_journal(folder, keep=is_event).records
+        if not records:
+            return Journaled(start(block))  # nothing happened that a file could differ from
+        return _compared(folder, block, records)
     except InputError as error:
         return Journaled(unread=f"the journal was not read: {error}")
 

@@ -120,23 +120,6 @@ def test_foreign_names_control_no_terminal() -> None:
     assert "\\x1b[2J" in text
 
 
-def test_a_torn_end_is_told_by_whatever_reads_the_block(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    block = tmp_path / "b"
-    assert main(["replay", str(SESSION), "--to", str(block)]) == 0
-    (block / "sessions").mkdir()
-    whole = SESSION.read_bytes()
-    (block / "sessions" / "0001.jsonl").write_bytes(whole[:-20])
-    capsys.readouterr()
-    for command in ("log", "status"):
-        assert main([command, str(block), "--json"]) == 0
-        note = json.loads(capsys.readouterr().out)["differs_from_journal"]
-        assert (note["count"], note["rows"]) == (0, [])
-        assert "0001.jsonl line" in note["remark"]
-        assert "not a complete record: left out (cut off there, or being written)" in note["remark"]
-
-
 def test_what_contradicts_a_journal_that_ends_torn_may_be_the_newer(tmp_path: Path) -> None:
     def refuse(_: object) -> None:
         raise InputError("the file says something else")
