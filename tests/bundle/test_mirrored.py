@@ -13,6 +13,7 @@ from bundleblocks import aerial
 from anaplot.bundle import adjust
 from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.errors.grosserrors import block_gross_errors
+from anaplot.bundle.start.givenfamilies import CLEARLY, misfit
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import Block, ControlPoint
 
@@ -137,3 +138,15 @@ def test_control_that_contradicts_itself_is_no_mirror_image() -> None:
     made = replace(made, control=tuple(control))
     assert TOLD not in said(made)
     assert TOLD not in " ".join(block_gross_errors(made, "search").remarks)
+
+
+def test_where_most_control_lies_in_one_plane_all_of_it_tells() -> None:
+    # four corners of a facade fit either way, and the fifth point was taken for the wrong one
+    rng = np.random.default_rng(2)
+    corners = np.array([(0, 0, 0), (20, 0, 0), (0, 0, 12), (20, 0, 12), (9, 1.5, 6)], dtype=float)
+    network = corners - corners.mean(axis=0)
+    ground = network * (1.0, -1.0, 1.0) + rng.normal(0.0, 0.004, network.shape)
+    most = [misfit(side * network, ground) for side in (1.0, -1.0)]
+    assert max(most) < CLEARLY * min(most)
+    whole = [misfit(side * network, ground, 1.0) for side in (1.0, -1.0)]
+    assert whole[1] * CLEARLY < whole[0]

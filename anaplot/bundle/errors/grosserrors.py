@@ -88,7 +88,7 @@ MOST_ROWS_OF_COLUMNS = 100_000
 against each row that it holds."""
 
 _MOST_PHOTOS = 5  # that remarks name
-_HARDLY = 1e-3  # redundancy number below which control that is left checks nothing
+_HARDLY = 5e-4  # redundancy number below which control that is left checks nothing
 _TORN = 4.0  # sigma0 from which a robust state is a second place to linearise at
 _NEAR = 0.1  # of n: change in the last step to it; what that leaves, the first pass adjusts
 

@@ -21,6 +21,7 @@ from anaplot.bundle.start.freenetwork import free_network
 from anaplot.bundle.start.givenfamilies import (
     CLEARLY,
     FEWEST,
+    MOST,
     foreign_family,
     known_control,
     misfit,
@@ -86,13 +87,15 @@ class WithoutControl:
         ground = np.array(list(known.values()), dtype=float)
         ground -= ground.mean(axis=0)
         network = bare.points[[at[name] for name in known]]
-        by_itself, by_mirror = (misfit(side * network, ground) for side in (1.0, -1.0))
-        if by_mirror * CLEARLY < by_itself:
-            return ControlRemark(
-                "control is the mirror image of what the photos show: mirrored it fits to "
-                f"{by_mirror:.2g} m, else to {by_itself:.2g} m; does y of the images point down, "
-                "are x and y, or X and Y, exchanged, or does Z point down?"
-            )
+        # where most of control lies in one plane, which fits either way, all of it tells
+        for most in (MOST, 1.0):
+            by_itself, by_mirror = (misfit(side * network, ground, most) for side in (1.0, -1.0))
+            if by_mirror * CLEARLY < by_itself:
+                return ControlRemark(
+                    "control is the mirror image of what the photos show: mirrored it fits to "
+                    f"{by_mirror:.2g} m, else to {by_itself:.2g} m; does y of the images point "
+                    "down, are x and y, or X and Y, exchanged, or does Z point down?"
+                )
         return likely_exchange(
             list(known),
             network,

@@ -18,7 +18,7 @@ from anaplot.bundle.solve.upright import look_up
 from anaplot.photogrammetry.exchangedpoints import ControlRemark
 from anaplot.photogrammetry.similarity import Similarity, robust_similarity
 
-__all__ = ["CLEARLY", "FEWEST", "foreign_family", "known_control", "misfit"]
+__all__ = ["CLEARLY", "FEWEST", "MOST", "foreign_family", "known_control", "misfit"]
 
 FEWEST = 4
 """Points of which it may be told whether a network, or its mirror image, fits them."""
@@ -26,7 +26,8 @@ FEWEST = 4
 CLEARLY = 20.0
 """Times worse than another that fits something as a whole does not."""
 
-_MOST = 0.75  # of the points fit
+MOST = 0.75
+"""Share of the points that fit where the others may be wrong."""
 
 _Given = tuple[float | None, ...]
 
@@ -40,17 +41,17 @@ def known_control(problem: Problem, *, plan: bool) -> dict[str, _Given]:
     }
 
 
-def misfit(network: Array, ground: Array) -> float:
+def misfit(network: Array, ground: Array, most: float = MOST) -> float:
     """Return what most points miss by [m] after a similarity; infinite where there is none."""
-    return _fitted(network, ground)[0]
+    return _fitted(network, ground, most)[0]
 
 
-def _fitted(network: Array, ground: Array) -> tuple[float, Similarity | None]:
+def _fitted(network: Array, ground: Array, most: float = MOST) -> tuple[float, Similarity | None]:
     found = robust_similarity(network, ground)
     if found is None:
         return float("inf"), None
     off = np.linalg.norm(found[0].apply(network) - ground, axis=1)
-    return float(np.quantile(off, _MOST, method="higher")), found[0]
+    return float(np.quantile(off, most, method="higher")), found[0]
 
 
 def foreign_family(problem: Problem, free: Problem, bare: BlockState) -> ControlRemark | None:
