@@ -232,12 +232,20 @@ def fit_strip(
         try:
             now, free, adjusted = _iterated(start, shape, source, target, known, sigma, names)
             break
+        except _AstrayError as error:
+            # what nothing holds turns on without end, or not, as the last digits have it
+            unheld = _unheld(shape, error.now, error.free, error.adjusted, points)
+            if unheld:
+                raise NotComputableError(f"strip {strip}: {unheld}") from error
+            failure = failure or error
         except NotComputableError as error:
             failure = failure or error
     else:
         why = exchanged or f"{failure}{_disagreeing(named, source[whole], target[whole])}"
         raise NotComputableError(f"strip {strip}: {why}") from failure
-    _check_held(strip, shape, now, free, adjusted, points)
+    unheld = _unheld(shape, now, free, adjusted, points)
+    if unheld:
+        raise NotComputableError(f"strip {strip}: {unheld}")
     transformed = shape.lay(now, free, source)
     covariance = np.diag(sigma**2)
     if errors is not None:
@@ -269,6 +277,14 @@ def fit_strip(
         points=_points(control, used.tolist(), transformed - target, tested),
         ground=tuple((name, *at) for name, at in zip(points, ground.tolist(), strict=True)),
     )
+
+
+class _AstrayError(NotComputableError):
+    """The fit does not converge: where it has come to."""
+
+    def __init__(self, now: Similarity, free: Array, adjusted: Adjustment) -> None:
+        self.now, self.free, self.adjusted = now, free, adjusted
+        super().__init__("the fit to the control does not converge")
 
 
 def _iterated(
@@ -305,30 +321,30 @@ def _iterated(
                 break
             step = 0.5 * step
         now, free = moved, bent
-    raise NotComputableError("the fit to the control does not converge")
+    raise _AstrayError(now, free, adjusted)
 
 
-def _check_held(
-    strip: str,
+def _unheld(
     shape: _Shape,
     now: Similarity,
     free: Array,
     adjusted: Adjustment,
     points: Mapping[str, tuple[float, float, float]],
-) -> None:
-    """Raise where next to nothing holds a part of the strip: it would turn about a line of control.
+) -> str:
+    """Say where next to nothing holds a part of the strip: it would turn about a line of control.
 
-    What noise puts beside that line holds it, and means nothing.
+    What noise puts beside that line holds it, and means nothing. "" where all is held.
     """
     effects = shape.effects(now, free, np.array(list(points.values())))
     variances = np.einsum("nip,pq,niq->ni", effects, adjusted.q_xx, effects)
     worst = np.sqrt(np.maximum(variances.max(axis=1), 0.0))
     k = int(np.argmax(worst))
-    if worst[k] > _UNHELD * shape.length:
-        raise NotComputableError(
-            f"strip {strip}: not determined: by its control point {list(points)[k]} is known to "
-            f"{worst[k]:.0f} m only; does the control lie on one line?"
-        )
+    if not worst[k] > _UNHELD * shape.length:
+        return ""
+    return (
+        f"not determined: by its control point {list(points)[k]} is known to {worst[k]:.0f} m "
+        "only; does the control lie on one line?"
+    )
 
 
 def _exchanged(names: Sequence[str], source: Array, target: Array) -> str | None:
