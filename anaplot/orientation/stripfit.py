@@ -26,7 +26,7 @@ from anaplot.adjustment.tested import Tested, examine
 from anaplot.aliases import Array, Bools
 from anaplot.errors import NotComputableError
 from anaplot.orientation.results import ModelSolution
-from anaplot.orientation.stripgeometry import StripGeometry, extended
+from anaplot.orientation.stripgeometry import StripGeometry, extended, widened
 from anaplot.photogrammetry.block import Block, ControlPoint
 from anaplot.photogrammetry.collinearity import turns
 from anaplot.photogrammetry.exchangedpoints import likely_exchange
@@ -230,22 +230,20 @@ def fit_strip(
         shape = _Shape(start, everything, degree)
         sigma = _sigmas(block, control, base, start.scale)[known]
         try:
-            now, free, adjusted = _iterated(start, shape, source, target, known, sigma, names)
-            break
-        except _AstrayError as error:
-            # what nothing holds turns on without end, or not, as the last digits have it
-            unheld = _unheld(shape, error.now, error.free, error.adjusted, points)
-            if unheld:
-                raise NotComputableError(f"strip {strip}: {unheld}") from error
-            failure = failure or error
+            now, free, adjusted, settled = _iterated(
+                start, shape, source, target, known, sigma, names
+            )
         except NotComputableError as error:
             failure = failure or error
+            continue
+        # first: what nothing holds turns on without end, or not, as the last digits have it
+        _check_held(strip, shape, now, free, adjusted, points)
+        if settled:
+            break
+        failure = failure or NotComputableError("the fit to the control does not converge")
     else:
         why = exchanged or f"{failure}{_disagreeing(named, source[whole], target[whole])}"
         raise NotComputableError(f"strip {strip}: {why}") from failure
-    unheld = _unheld(shape, now, free, adjusted, points)
-    if unheld:
-        raise NotComputableError(f"strip {strip}: {unheld}")
     transformed = shape.lay(now, free, source)
     covariance = np.diag(sigma**2)
     if errors is not None:
@@ -279,14 +277,6 @@ def fit_strip(
     )
 
 
-class _AstrayError(NotComputableError):
-    """The fit does not converge: where it has come to."""
-
-    def __init__(self, now: Similarity, free: Array, adjusted: Adjustment) -> None:
-        self.now, self.free, self.adjusted = now, free, adjusted
-        super().__init__("the fit to the control does not converge")
-
-
 def _iterated(
     start: Similarity,
     shape: _Shape,
@@ -295,8 +285,8 @@ def _iterated(
     known: Bools,
     sigma: Array,
     names: tuple[str, ...],
-) -> tuple[Similarity, Array, Adjustment]:
-    """Return the similarity, the coefficients of the polynomials, and their last adjustment.
+) -> tuple[Similarity, Array, Adjustment, bool]:
+    """Return similarity, coefficients of the polynomials, last adjustment, whether they settled.
 
     A step that would increase the sum of squares is halved until it does not.
     """
@@ -313,7 +303,7 @@ def _iterated(
         deviations = np.sqrt(np.diag(adjusted.q_xx)) * max(1.0, adjusted.sigma0 or 0.0)
         if float(np.abs(step / deviations).max()) < _SMALL:
             moved = moved_similarity(now, shape.middle, step)
-            return moved, free + step[len(_SEVEN) :], adjusted
+            return moved, free + step[len(_SEVEN) :], adjusted, True
         for _ in range(_HALVED):
             moved, bent = moved_similarity(now, shape.middle, step), free + step[len(_SEVEN) :]
             off = misclosures(moved, bent)
@@ -321,30 +311,30 @@ def _iterated(
                 break
             step = 0.5 * step
         now, free = moved, bent
-    raise _AstrayError(now, free, adjusted)
+    return now, free, adjusted, False
 
 
-def _unheld(
+def _check_held(
+    strip: str,
     shape: _Shape,
     now: Similarity,
     free: Array,
     adjusted: Adjustment,
     points: Mapping[str, tuple[float, float, float]],
-) -> str:
-    """Say where next to nothing holds a part of the strip: it would turn about a line of control.
+) -> None:
+    """Raise where next to nothing holds a part of the strip: it would turn about a line of control.
 
-    What noise puts beside that line holds it, and means nothing. "" where all is held.
+    What noise puts beside that line holds it, and means nothing.
     """
     effects = shape.effects(now, free, np.array(list(points.values())))
     variances = np.einsum("nip,pq,niq->ni", effects, adjusted.q_xx, effects)
     worst = np.sqrt(np.maximum(variances.max(axis=1), 0.0))
     k = int(np.argmax(worst))
-    if not worst[k] > _UNHELD * shape.length:
-        return ""
-    return (
-        f"not determined: by its control point {list(points)[k]} is known to {worst[k]:.0f} m "
-        "only; does the control lie on one line?"
-    )
+    if worst[k] > _UNHELD * shape.length:
+        raise NotComputableError(
+            f"strip {strip}: not determined: by its control point {list(points)[k]} is known to "
+            f"{worst[k]:.0f} m only; does the control lie on one line?"
+        )
 
 
 def _exchanged(names: Sequence[str], source: Array, target: Array) -> str | None:
@@ -487,10 +477,8 @@ def _sigmas(block: Block, control: Sequence[ControlPoint], base: float, scale: f
 
 def _moved(errors: Sequence[Array], by_strip: Array) -> Array:
     """Return (n, 3, e): what a strip's errors do to points that are laid on the ground."""
-    out = np.zeros((len(errors), 3, max(e.shape[1] for e in errors)))
-    for row, own, by in zip(out, errors, by_strip, strict=True):
-        row[:, : own.shape[1]] = by @ own
-    return out
+    count = max(own.shape[1] for own in errors)
+    return np.array([widened(by @ own, count) for own, by in zip(errors, by_strip, strict=True)])
 
 
 def _points(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from itertools import takewhile
@@ -33,6 +32,7 @@ from anaplot.photogrammetry.block import Block, ImagePoint
 from anaplot.report.adjustcommand import adjust
 from anaplot.report.columns import counted
 from anaplot.report.document import BLANK, Document, say
+from anaplot.report.journalnote import journal_note
 from anaplot.report.output import Output
 from anaplot.report.running import computed, run_computation
 from anaplot.textfiles.wording import place, quoted
@@ -228,14 +228,9 @@ def _left(rows: Iterable[ImagePoint], names: Collection[str]) -> str:
 
 def _check_session(folder: Path, block: Block) -> None:
     """Refuse a file of which the session's journal says something else: nobody could open it."""
-    if not os.path.lexists(folder / "sessions"):
-        return
-    # only blocks with a session need what a session needs
-    from anaplot.station.journaled import journaled
-
-    found = journaled(folder, block)
-    if found.edited:
-        raise InputError(f"{found.remark(folder)}; nothing is written")
+    note = journal_note(folder, block)
+    if note is not None and note["count"]:
+        raise InputError(f"{note['remark']}; nothing is written")
 
 
 def _write(folder: Path, before: Sequence[ImagePoint], rows: Sequence[ImagePoint]) -> None:

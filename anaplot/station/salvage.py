@@ -246,10 +246,7 @@ class _Fold:
         if isinstance(event, DecisionsTakenOver):
             return self._decided(event)
         if isinstance(event, ModelChosen):
-            ahead = self.state
-            with contextlib.suppress(EventRefusedError):
-                ahead = fold(ahead, events)
-            before = ahead.preceding(event.strip, event.left)
+            before = self._ahead(events).preceding(event.strip, event.left)
             known = set() if before is None else {m.point for m in before.used}
             plan = tuple(_as_known(point, known) for point in event.plan)
             changed = [q for p, q in zip(event.plan, plan, strict=True) if p != q]
@@ -274,9 +271,7 @@ class _Fold:
 
     def _as_named(self, event: PointRenamed, before: list[Event]) -> PointRenamed:
         """Return a renaming with the role that the name can have, after what happens before it."""
-        ahead = self.state
-        with contextlib.suppress(EventRefusedError):
-            ahead = fold(ahead, before)
+        ahead = self._ahead(before)
         model = ahead.current
         if model is None or model.planned(event.name) is not None:
             return event  # the name has a role
@@ -335,12 +330,10 @@ class _Fold:
         return events, words
 
     def _ahead(self, events: Iterable[Event]) -> SessionState:
-        """Return the state after events that are put in, as far as they fit."""
-        ahead = self.state
+        """Return the state after events that are put in, where they fit."""
         with contextlib.suppress(EventRefusedError):
-            for event in events:
-                ahead = apply(ahead, event)
-        return ahead
+            return fold(self.state, events)
+        return self.state
 
     def _strip_begun(self, event: Event, here: tuple[str, str]) -> str | None:
         """Return the strip of a model in which something is measured that was never begun."""
