@@ -8,8 +8,6 @@ no measurement has spoilt. From the right one all rays of the photo fit.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
-from itertools import combinations
 
 import numpy as np
 
@@ -18,8 +16,13 @@ from anaplot.bundle.solve.gaussnewton import Minimum, find_minimum
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.linearised import counted_misclosures
 from anaplot.bundle.solve.problem import Problem
-from anaplot.bundle.start.resection import image_misses, three_point_resection
-from anaplot.bundle.start.subblock import SubBlock, intersect_rays, rays_of_photos, unit_rays
+from anaplot.bundle.start.photoplaces import (
+    known_without,
+    places_of,
+    seen_by,
+    with_points_of,
+)
+from anaplot.bundle.start.subblock import SubBlock, rays_of_photos, unit_rays
 from anaplot.errors import NotComputableError
 
 __all__ = ["at_other_places"]
@@ -29,7 +32,7 @@ _OFF = 4.0  # sigmas: farther off a ray does not fit
 _BETTER = 0.5  # of what the photo's points miss where it is: what they miss elsewhere, at most
 _MOST_PLACES = 100  # that are looked at
 _ELSEWHERE = 0.05  # of the distance to the points: nearer places are the same
-_PLACES = 10  # of one photo that are tried
+_PLACES = 20  # of one photo that are tried
 _TRIES = 60  # steps from one of them
 _MOST = 30  # minima that lead to nothing, at most
 _LEAST = 2
@@ -124,36 +127,22 @@ def _all_placed(
     """Return a state with photos where three rays place them best by what the others know."""
     if not 1 < len(photos) <= len(problem.photos) // 2:
         return None
-    rays = unit_rays(problem)
-    others = SubBlock(state.centres.copy(), state.rotations, state.points)
-    others.centres[photos] = np.nan
-    known = intersect_rays(problem, others, rays, np.ones(len(problem.points), dtype=bool))
-    centres, rotations = state.centres.copy(), state.rotations.copy()
+    rays, block = unit_rays(problem), _block(state)
+    every = np.ones(len(problem.points), dtype=bool)
+    known = known_without(problem, block, rays, photos, every)
+    placed = _block(state)
     for photo in photos.tolist():
         mine = by_photo[photo]
         points = known[problem.point[mine]]
-        for at in _places(problem, state, photo, mine, rays, points, _BETTER, []):
-            centres[photo], rotations[photo] = at
+        for at in _places(problem, block, photo, mine, rays, points, _BETTER, []):
+            placed.centres[photo], placed.rotations[photo] = at
             break
-    return _intersected(problem, state, centres, rotations, rays, photos)
+    return with_points_of(problem, state, placed, rays, seen_by(problem, photos))
 
 
-def _intersected(
-    problem: Problem,
-    state: BlockState,
-    centres: Array,
-    rotations: Array,
-    rays: Array,
-    photos: Index,
-) -> BlockState:
-    """Return a state with other orientations, the points of some photos intersected anew."""
-    block = SubBlock(centres, rotations, state.points.copy())
-    seen = np.zeros(len(problem.points), dtype=bool)
-    seen[problem.point[np.isin(problem.photo, photos)]] = True
-    moved = intersect_rays(problem, block, rays, seen)
-    new = np.isfinite(moved[:, 0])
-    block.points[new] = moved[new]
-    return replace(state, centres=centres, rotations=rotations, points=block.points)
+def _block(state: BlockState) -> SubBlock:
+    """Return where everything is in a state, to be moved."""
+    return SubBlock(state.centres.copy(), state.rotations.copy(), state.points)
 
 
 def _off(problem: Problem, state: BlockState, most: float = np.inf) -> Array:
@@ -172,28 +161,25 @@ def _other_places(
 
     By points that other photos know, then also by those of one more ray, which are about there.
     """
-    rays = unit_rays(problem)
-    alone = SubBlock(state.centres.copy(), state.rotations, state.points)
-    alone.centres[photo] = np.nan
-    seen = np.zeros(len(problem.points), dtype=bool)
-    seen[problem.point[mine]] = True
-    known = intersect_rays(problem, alone, rays, seen)[problem.point[mine]]
+    rays, block, alone = unit_rays(problem), _block(state), np.array([photo])
+    seen = seen_by(problem, alone)
+    known = known_without(problem, block, rays, alone, seen)[problem.point[mine]]
     about = known.copy()
     for k in np.flatnonzero(~np.isfinite(known[:, 0])).tolist():
         about[k] = _along_other_ray(problem, state, rays, photo, int(problem.point[mine[k]]))
     taken = [state.centres[photo]]
     for points, share in ((known, _BETTER), (about, np.inf)):
-        for centre, rotation in _places(problem, state, photo, mine, rays, points, share, taken):
-            centres, rotations = state.centres.copy(), state.rotations.copy()
-            centres[photo], rotations[photo] = centre, rotation
-            yield _intersected(problem, state, centres, rotations, rays, np.array([photo]))
+        for at in _places(problem, block, photo, mine, rays, points, share, taken):
+            placed = _block(state)
+            placed.centres[photo], placed.rotations[photo] = at
+            yield with_points_of(problem, state, placed, rays, seen)
         if np.isfinite(about[:, 0]).sum() == np.isfinite(known[:, 0]).sum():
             return
 
 
 def _places(
     problem: Problem,
-    state: BlockState,
+    block: SubBlock,
     photo: int,
     mine: Index,
     rays: Array,
@@ -205,16 +191,13 @@ def _places(
 
     Those of which the points miss no more than a share of what they miss where the photo is.
     """
-    firm, c = np.flatnonzero(np.isfinite(points[:, 0])), float(problem.c[photo])
-    if len(firm) < 3:
+    found = places_of(problem, block, rays, photo, mine, points)
+    if found is None:
         return
-    triples = firm[list(combinations(range(len(firm)), 3))]
-    centres, rotations, _ = three_point_resection(rays[mine][triples], points[triples])
-    here, there = state.centres[[photo]], state.rotations[[photo]]
-    at = np.concatenate((here, centres)), np.concatenate((there, rotations))
-    misses = image_misses(*at, c, points[firm], problem.ideal[mine[firm]])
-    missed = np.minimum(misses, _CUT * c).sum(axis=1)
-    near = _ELSEWHERE * float(np.linalg.norm(points[firm].mean(axis=0) - here[0]))
+    centres, rotations = found.centres[1:], found.rotations[1:]
+    missed = np.minimum(found.misses, _CUT * float(problem.c[photo])).sum(axis=1)
+    middle = points[found.firm].mean(axis=0)
+    near = _ELSEWHERE * float(np.linalg.norm(middle - block.centres[photo]))
     for count, k in enumerate(np.argsort(missed[1:], kind="stable").tolist()):
         if not missed[1 + k] <= share * missed[0] or count >= _MOST_PLACES:
             return
@@ -222,7 +205,7 @@ def _places(
             continue
         taken.append(centres[k])
         yield centres[k], rotations[k]
-        if len(taken) > 2 * _PLACES:
+        if len(taken) > _PLACES:
             return
 
 

@@ -7,9 +7,6 @@ with most of what its neighbours see.
 
 from __future__ import annotations
 
-from dataclasses import replace
-from itertools import combinations
-
 import numpy as np
 
 from anaplot.aliases import Array, Bools, Index
@@ -17,9 +14,14 @@ from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.linearised import counted_misclosures
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.sorting import each_pair
+from anaplot.bundle.start.photoplaces import (
+    known_without,
+    places_of,
+    seen_by,
+    with_points_of,
+)
 from anaplot.bundle.start.pointknowledge import equations_knowing
-from anaplot.bundle.start.resection import image_misses, three_point_resection
-from anaplot.bundle.start.subblock import SubBlock, intersect_rays, rays_of_photos, unit_rays
+from anaplot.bundle.start.subblock import SubBlock, rays_of_photos, unit_rays
 
 __all__ = ["hardly_checked", "placed_again"]
 
@@ -66,10 +68,7 @@ def placed_again(problem: Problem, state: BlockState, reach: Array) -> BlockStat
             moved[problem.point[mine]] = True
     if not moved.any():
         return None
-    seen = intersect_rays(problem, block, rays, moved)
-    new = np.isfinite(seen[:, 0])
-    block.points[new] = seen[new]
-    return replace(state, centres=block.centres, rotations=block.rotations, points=block.points)
+    return with_points_of(problem, state, block, rays, moved)
 
 
 def hardly_checked(problem: Problem, fits: Bools, state: BlockState) -> Bools:
@@ -105,20 +104,14 @@ def _place(
     problem: Problem, block: SubBlock, rays: Array, photo: int, mine: Index, reach: Array
 ) -> bool:
     """Place a photo where most of its rays agree with the others; whether that is elsewhere."""
-    c, here = float(problem.c[photo]), (block.centres[[photo]], block.rotations[[photo]])
-    alone = SubBlock(block.centres.copy(), block.rotations, block.points)
-    alone.centres[photo] = np.nan
-    wanted = np.zeros(len(problem.points), dtype=bool)
-    wanted[problem.point[mine]] = True
-    points = intersect_rays(problem, alone, rays, wanted)[problem.point[mine]]
-    firm = np.flatnonzero(np.isfinite(points[:, 0]))
-    if len(firm) < 3:
+    alone = np.array([photo])
+    wanted = seen_by(problem, alone)
+    known = known_without(problem, block, rays, alone, wanted)
+    places = places_of(problem, block, rays, photo, mine, known[problem.point[mine]])
+    if places is None:
         return False
-    triples = firm[list(combinations(range(len(firm)), 3))]
-    centres, rotations, _ = three_point_resection(rays[mine][triples], points[triples])
-    at = np.concatenate((here[0], centres)), np.concatenate((here[1], rotations))
-    misses = image_misses(*at, c, points[firm], problem.ideal[mine[firm]])
-    count = 2 * (misses <= reach[firm]).sum(axis=1)
+    at, firm = places[:2], places.firm
+    count = 2 * (places.misses <= reach[firm]).sum(axis=1)
     left = np.setdiff1d(np.arange(len(mine)), firm)
     count += (_beside(problem, block, rays, photo, mine[left], at) <= reach[left]).sum(axis=1)
     most = np.flatnonzero(count == count.max())

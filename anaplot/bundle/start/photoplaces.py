@@ -1,0 +1,101 @@
+"""Places of a photo by three of its rays, and what other photos know of its points."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+
+from anaplot.aliases import Array, Bools, Index
+from anaplot.bundle.solve.imaging import BlockState
+from anaplot.bundle.solve.problem import Problem
+from anaplot.bundle.start.resection import image_misses, three_point_resection
+from anaplot.bundle.start.subblock import SubBlock, intersect_rays
+
+__all__ = ["PhotoPlaces", "known_without", "places_of", "seen_by", "with_points_of"]
+
+
+class PhotoPlaces(NamedTuple):
+    """Places of a photo, the first where it is.
+
+    Attributes
+    ----------
+    centres, rotations
+        (k, 3) and (k, 3, 3).
+    firm
+        (n,) positions, among the photo's rays, of those whose points are known.
+    misses
+        (k, n) how far these miss their points [mm].
+    """
+
+    centres: Array
+    rotations: Array
+    firm: Index
+    misses: Array
+
+
+def seen_by(problem: Problem, photos: Index) -> Bools:
+    """Return which points any of some photos sees."""
+    seen = np.zeros(len(problem.points), dtype=bool)
+    seen[problem.point[np.isin(problem.photo, photos)]] = True
+    return seen
+
+
+def known_without(
+    problem: Problem, block: SubBlock, rays: Array, photos: Index, wanted: Bools
+) -> Array:
+    """Return (points, 3) wanted points as all photos but some have them; NaN where they have not.
+
+    Parameters
+    ----------
+    problem, block
+        The bundle, and where its photos are.
+    rays
+        `unit_rays` of it.
+    photos
+        Numbers of those that are left out.
+    wanted
+        (points,) which are asked for.
+    """
+    others = SubBlock(block.centres.copy(), block.rotations, block.points)
+    others.centres[photos] = np.nan
+    return intersect_rays(problem, others, rays, wanted)
+
+
+def places_of(
+    problem: Problem, block: SubBlock, rays: Array, photo: int, mine: Index, points: Array
+) -> PhotoPlaces | None:
+    """Return where a photo is and all places that three of its rays make; None: too few are known.
+
+    Parameters
+    ----------
+    problem, block, rays
+        As `known_without` has them.
+    photo, mine
+        The photo, and the numbers of its rays.
+    points
+        (n, 3) their points; NaN where one is not known.
+    """
+    firm = np.flatnonzero(np.isfinite(points[:, 0]))
+    if len(firm) < 3:
+        return None
+    triples = firm[list(combinations(range(len(firm)), 3))]
+    centres, rotations, _ = three_point_resection(rays[mine][triples], points[triples])
+    centres = np.concatenate((block.centres[[photo]], centres))
+    rotations = np.concatenate((block.rotations[[photo]], rotations))
+    c, ideal = float(problem.c[photo]), problem.ideal[mine[firm]]
+    misses = image_misses(centres, rotations, c, points[firm], ideal)
+    return PhotoPlaces(centres, rotations, firm, misses)
+
+
+def with_points_of(
+    problem: Problem, state: BlockState, block: SubBlock, rays: Array, moved: Bools
+) -> BlockState:
+    """Return a state with other orientations, and points intersected anew where they can be."""
+    seen = intersect_rays(problem, block, rays, moved)
+    new = np.isfinite(seen[:, 0])
+    points = state.points.copy()
+    points[new] = seen[new]
+    return replace(state, centres=block.centres, rotations=block.rotations, points=points)
