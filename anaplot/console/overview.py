@@ -9,13 +9,8 @@ from textual.content import Content
 
 from anaplot.console.keybar import show_key
 from anaplot.console.text import cell, fit, fit_end, wrap
-from anaplot.station.blockstatus import (
-    BlockStatus,
-    ModelStanding,
-    ModelStatus,
-    NextStep,
-    StripStatus,
-)
+from anaplot.station.blockstatus import BlockStatus, ModelStanding, ModelStatus, StripStatus
+from anaplot.station.blockstep import NextStep
 from anaplot.station.blockview import BlockView
 
 __all__ = [
@@ -100,8 +95,10 @@ def doing(step: NextStep, in_work: bool, keys: Mapping[str, tuple[str, ...]]) ->
     """
     if step.do == "adjust":
         return step.command
-    if step.do == "return":
+    if step.do in ("return", "tie"):
         return show_key(keys["drive"][0])
+    if step.do == "report":
+        return show_key(keys["report"][0])
     action = "accept" if step.do == "accept" else "next_point" if in_work else "next_model"
     return show_key(keys[action][0])
 

@@ -10,6 +10,7 @@ import numpy as np
 from anaplot.adjustment.hypothesis import critical_f
 from anaplot.adjustment.reliability import SPUR
 from anaplot.adjustment.tested import Observation
+from anaplot.bundle.errors.bychance import ALARM
 from anaplot.bundle.errors.suspects import ImageCoordinate, Suspect, likeliest_suspects
 from anaplot.bundle.errors.wrongray import SuspectRay, suspect_rays_of
 from anaplot.bundle.solve.adjusted import AdjustedBlock, observation_in_words
@@ -54,7 +55,6 @@ from anaplot.report.rules import rules_json, rules_lines
 from anaplot.report.switchedoff import switched_off_table
 
 __all__ = [
-    "ALARM",
     "DATUM",
     "adjust_document",
     "datum_words",
@@ -63,8 +63,6 @@ __all__ = [
     "sigma0_limit",
 ]
 
-ALARM = 0.05
-"""Significance of a test of sigma0 as an alarm."""
 _FEW = 3  # of flagged observations of other kinds
 _MOST = 30  # of flagged rows, spurs and correlations in the summary; the tables hold them all
 

@@ -7,7 +7,7 @@ import shlex
 from pathlib import Path
 
 from anaplot.session.workdone import WorkDone
-from anaplot.station.blockstatus import NextStep
+from anaplot.station.blockstep import NextStep
 from anaplot.textfiles.wording import plain
 
 __all__ = ["open_again", "parting_line"]
@@ -57,5 +57,5 @@ def parting_line(done: WorkDone, step: NextStep | None, opening: str) -> str:
     said = ", ".join(parts) or "nothing measured"
     if step is None:
         return f"{said}; the block is deleted - {opening}"
-    command = step.command if step.do == "adjust" else opening
+    command = opening if step.opens else step.command
     return f"{said}; next: {plain(step.words)} - {command}"

@@ -11,7 +11,7 @@ from anaplot.errors import InputError
 from anaplot.report.blockadjustment import BlockAdjustment
 from anaplot.report.computed import Computed
 from anaplot.report.document import Line, say
-from anaplot.station.blockstatus import is_held
+from anaplot.station.coverage import is_held
 
 __all__ = ["InDatum", "adjusted_in_datum"]
 

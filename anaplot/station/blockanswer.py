@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from anaplot.bundle.blockmap import block_map
+from anaplot.bundle.errors.bychance import may_be_chance
 from anaplot.bundle.errors.suspects import ImageCoordinate, likeliest_suspects
 from anaplot.bundle.hypotheses.offsetadvice import offset_advice
 from anaplot.bundle.live import LiveAnswer
@@ -81,6 +82,7 @@ def view_of(
         ),
         offsets=tuple(offset_advice(adjusted)) if most_weak else (),
         block_map=block_map(adjusted),
+        by_chance=may_be_chance(adjusted),
     )
 
 

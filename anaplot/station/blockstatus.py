@@ -10,6 +10,8 @@ from anaplot.photogrammetry.block import Block, Strip
 from anaplot.photogrammetry.imagepoints import names_of
 from anaplot.photogrammetry.selection import measured_in_files, rows_by_photo
 from anaplot.session.filedaccidents import NO_ACCIDENTS, BlockAccidents
+from anaplot.station.blockstep import NextStep, Untied, following
+from anaplot.station.coverage import Coverage, coverage_of, is_held
 from anaplot.station.waystoopen import ways_to_open
 
 if TYPE_CHECKING:
@@ -23,18 +25,14 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BlockStatus",
-    "Coverage",
     "ModelStanding",
     "ModelStatus",
-    "NextStep",
     "StripStatus",
     "WeakSpot",
-    "coverage_of",
-    "following",
-    "is_held",
     "standing",
     "status_of",
     "suspected_models",
+    "untied",
     "waiting",
     "with_table",
 ]
@@ -110,66 +108,11 @@ class StripStatus:
         return float((sum(r * s**2 for r, s in tables) / redundancy) ** 0.5)
 
 
-class NextStep(NamedTuple):
-    """What is to be done next, where, and by which command; "" where it is not one.
-
-    inner: the photo whose inner orientation is in work; the point is a fiducial then.
-    why: what keeps the block that is to be adjusted from a solution.
-    """
-
-    do: Literal["measure", "return", "accept", "adjust"]
-    command: str
-    model: str = ""
-    photo: str = ""
-    point: str = ""
-    inner: str = ""
-    why: str = ""
-
-    @property
-    def words(self) -> str:
-        """What it is, without the command."""
-        if self.why:
-            return "see why the block has no solution"
-        if self.inner and self.do == "accept":
-            return f"accept the inner orientation of photo {self.inner}"
-        if self.inner:
-            what = f"fiducial {self.point}" if self.point else "the fiducials"
-            return f"measure {what} of photo {self.inner}"
-        what = {
-            "measure": "measure",
-            "accept": "accept",
-            "return": "return to",
-            "adjust": "adjust the block",
-        }[self.do]
-        where = f" model {self.model}" if self.model else ""
-        if self.point:
-            return f"{what}{where}, point {self.point}"
-        return f"{what}{where}" + (f", photo {self.photo}" if self.photo else "")
-
-
 class WeakSpot(NamedTuple):
     """Something that needs a look: where ("left/right", or "" where it is no model), and what."""
 
     model: str
     words: str
-
-
-class Coverage(NamedTuple):
-    """What hangs the strips together, and on the ground.
-
-    Attributes
-    ----------
-    lateral_ties
-        How many points are measured in photos of more than one strip.
-    control
-        How many control and check points there are.
-    control_seen
-        How many of them are measured in two photos.
-    """
-
-    lateral_ties: int
-    control: int
-    control_seen: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,7 +149,7 @@ class BlockStatus:
     def next_command(self) -> str:
         """The next command as a person is told it: `open` with what connects an instrument."""
         command = self.next.command
-        return command if self.next.do == "adjust" else f"{command} {self.ways}".rstrip()
+        return f"{command} {self.ways}".rstrip() if self.next.opens else command
 
     @property
     def models(self) -> Iterator[ModelStatus]:
@@ -328,6 +271,7 @@ def status_of(
     )
     opened = next((m.name for strip in strips for m in strip.models if m.state == "open"), "")
     measured = bool(block.image_points)
+    coverage = coverage_of(block)
     if state is not None and ahead is not None:
         step = following(opened, measured, named, folder, state, ahead, held=is_held(block))
     elif (photo := _wrong_photo(block, accidents)) is not None:
@@ -336,10 +280,27 @@ def status_of(
         wrong = accidents.surest
         step = NextStep("return", f"anaplot open {folder}", wrong.model, point=wrong.accident.point)
     else:
-        step = following(opened, measured, named, folder, held=is_held(block))
-    return BlockStatus(
-        strips, recomputed, view, coverage_of(block), step, accidents, ways_to_open(block)
-    )
+        apart = None if state is None else untied(strips, coverage)
+        step = following(opened, measured, named, folder, held=is_held(block), untied=apart)
+    return BlockStatus(strips, recomputed, view, coverage, step, accidents, ways_to_open(block))
+
+
+def untied(strips: Iterable[StripStatus], coverage: Coverage) -> Untied | None:
+    """Return the first strip that hangs together with no other, where a model of it can be opened.
+
+    Parameters
+    ----------
+    strips
+        In the order of block.toml.
+    coverage
+        What ties them together.
+    """
+    for strip in strips:
+        if strip.strip in coverage.apart:
+            for model in strip.models:
+                if model.done:
+                    return Untied(strip.strip, model.name)
+    return None
 
 
 def _of_session(state: SessionState | None) -> tuple[Outlook | None, tuple[Recomputed, ...]]:
@@ -374,16 +335,6 @@ def _bridged(
         rows = rows_by_photo(block.image_points)
         known |= {strip.id: bridge_strip(block, strip, rows=rows) for strip in missing}
     return known
-
-
-def is_held(block: Block) -> bool:
-    """Return whether anything says where the block lies, enough of it or not."""
-    return (
-        any(row.use == "control" for row in block.control)
-        or bool(block.priors)
-        or block.given is not None
-        or any(photo.position_sigma is not None for photo in block.photos)
-    )
 
 
 def _with_models(view: BlockView | None, block: Block) -> BlockView | None:
@@ -499,88 +450,3 @@ def with_table(
         len(solution.off_rows),
         len(solution.ties),
     )
-
-
-def coverage_of(block: Block) -> Coverage:
-    """Return a block's lateral ties and control, as far as they are measured."""
-    known = [point.point for point in block.control if point.use != "off"]
-    photos_of: dict[str, set[str]] = {name: set() for name in known}
-    of_photo = _strips_of_photos(block.strips)
-    strips_of: dict[str, frozenset[str]] = {}
-    # looked at after every accepted model: a point of one strip alone keeps that strip's set
-    for photo, point in names_of(block.image_points):
-        if point in photos_of:
-            photos_of[point].add(photo)
-        own = of_photo.get(photo)
-        if own is not None and strips_of.setdefault(point, own) is not own:
-            strips_of[point] |= own
-    return Coverage(
-        sum(len(strips) > 1 for strips in strips_of.values()),
-        len(known),
-        sum(len(photos_of[point]) > 1 for point in known),
-    )
-
-
-def _strips_of_photos(strips: Iterable[Strip]) -> dict[str, frozenset[str]]:
-    """Return the strips of every photo, those of the same strips by the same set."""
-    found: dict[str, set[str]] = {}
-    for strip in strips:
-        for photo in strip.photos:
-            found.setdefault(photo, set()).add(strip.id)
-    same: dict[frozenset[str], frozenset[str]] = {}
-    out = {}
-    for photo, ids in found.items():
-        of = frozenset(ids)
-        out[photo] = same.setdefault(of, of)
-    return out
-
-
-def following(
-    opened: str,
-    measured: bool,
-    view: BlockView | None,
-    folder: str,
-    state: SessionState | None = None,
-    ahead: Outlook | None = None,
-    *,
-    held: bool = True,
-) -> NextStep:
-    """Return what is to be done next: the model in work, what is surely wrong, the next model.
-
-    Parameters
-    ----------
-    opened
-        The model to measure next, "" when all are measured.
-    measured
-        Whether there is anything to adjust.
-    view
-        What the block as one bundle says, or None.
-    folder
-        How the command line names the block.
-    state, ahead
-        The session with a model in work, and what follows from it; None without one.
-    held
-        Whether anything ties the block to the ground.
-    """
-    opening = f"anaplot open {folder}"
-    if state is not None and state.current is not None and ahead is not None:
-        model = state.current.name
-        inner = "" if ahead.inner is None else ahead.inner.state.photo
-        if ahead.next_point is None and ahead.may_accept:
-            return NextStep("accept", opening, model, inner=inner)
-        return NextStep("measure", opening, model, point=ahead.next_point or "", inner=inner)
-    if view is not None:
-        from anaplot.station.returnadvice import surely_wrong
-
-        suspect = surely_wrong(view, () if state is None else state.models)
-        if suspect is not None and suspect.accused.model is not None:
-            accused = suspect.accused
-            return NextStep("return", opening, accused.model or "", accused.photo, suspect.point)
-    if opened:
-        return NextStep("measure", opening, opened)
-    if measured:
-        # what the control does not determine yet needs a free datum
-        free = not held or (view is not None and view.datum == "free")
-        command = f"anaplot adjust {folder}" + (" --datum free" if free else "")
-        return NextStep("adjust", command, why="" if view is None else view.remark)
-    return NextStep("measure", opening)

@@ -169,6 +169,8 @@ class BlockView:
         Which offsets of its positions and angles measured in flight the block should have.
     block_map
         Where photos and points lie, and how well they are checked; None without a solution.
+    by_chance
+        Whether so much is flagged, and as far out, in one of twenty blocks where nothing is wrong.
     """
 
     after: str
@@ -194,11 +196,18 @@ class BlockView:
     others: tuple[FlaggedObservation, ...] = ()
     offsets: tuple[OffsetAdvice, ...] = ()
     block_map: BlockMap | None = field(default=None, repr=False, compare=False)
+    by_chance: bool = False
 
     @property
     def solved(self) -> bool:
         """Whether there is a solution."""
         return bool(self.datum)
+
+    @property
+    def clean(self) -> bool:
+        """Whether all of it is solved on its control, and no more is flagged than by chance."""
+        flagged = bool(self.suspects or self.others) and not self.by_chance
+        return self.solved and self.datum != "free" and not (flagged or self.aside or self.remark)
 
     def of_earlier_models(self, current: str) -> tuple[SuspectedPoint, ...]:
         """Return the suspects whose accused measurement does not belong to the model `current`."""

@@ -12,18 +12,17 @@ from anaplot.session.modelstate import ModelState
 from anaplot.session.recomputed import Recomputed
 from anaplot.station.blockstatus import (
     BlockStatus,
-    Coverage,
     ModelStatus,
     StripStatus,
-    coverage_of,
-    following,
-    is_held,
     standing,
     suspected_models,
+    untied,
     waiting,
     with_table,
 )
+from anaplot.station.blockstep import following
 from anaplot.station.blockview import BlockView
+from anaplot.station.coverage import Coverage, coverage_of, is_held
 from anaplot.station.modeltables import ModelTables
 
 __all__ = ["LiveStatus"]
@@ -106,7 +105,10 @@ class LiveStatus:
                 strips = tuple(_with_waiting(strip, waits) for strip in strips)
         opened = "" if ahead.next_model is None else "/".join(ahead.next_model[1:])
         measured, held = bool(block.image_points), is_held(block)
-        step = following(opened, measured, view, self._folder, state, ahead, held=held)
+        apart = untied(strips, self._coverage)
+        step = following(
+            opened, measured, view, self._folder, state, ahead, held=held, untied=apart
+        )
         return BlockStatus(strips, recomputed, view, self._coverage, step)
 
     def _strip(

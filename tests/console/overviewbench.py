@@ -4,15 +4,10 @@ from __future__ import annotations
 
 from consolefake import picture
 
-from anaplot.station.blockstatus import (
-    BlockStatus,
-    Coverage,
-    ModelStanding,
-    ModelStatus,
-    NextStep,
-    StripStatus,
-)
+from anaplot.station.blockstatus import BlockStatus, ModelStanding, ModelStatus, StripStatus
+from anaplot.station.blockstep import NextStep
 from anaplot.station.blockview import BlockView, FlaggedCoordinate, SuspectedPoint, SuspectedRay
+from anaplot.station.coverage import Coverage
 from anaplot.station.snapshot import Snapshot
 
 FOLDER = "survey"

@@ -15,7 +15,7 @@ from anaplot.console.rows import shown_rows
 from anaplot.console.tableview import TableView
 from anaplot.errors import InputError
 from anaplot.session.plates import ReadOut
-from anaplot.station.blockstatus import NextStep
+from anaplot.station.blockstep import NextStep
 from anaplot.station.snapshot import Snapshot
 
 LOST = "the counters have lost their reference: set the mark on point 114 and press R"

@@ -22,17 +22,14 @@ from anaplot.console.overview import (
 from anaplot.console.overviewview import ModelList, OverviewView
 from anaplot.console.tableview import TableView
 from anaplot.planning.stabilizing import ExtraPoint, StabilizingSet
-from anaplot.station.blockstatus import (
-    BlockStatus,
-    Coverage,
-    ModelStatus,
-    NextStep,
-    StripStatus,
-)
+from anaplot.station.blockstatus import BlockStatus, ModelStatus, StripStatus
+from anaplot.station.blockstep import NextStep
+from anaplot.station.coverage import Coverage
 
 SIZES = [(80, 24), (160, 50)]
 KEYS = {name: (key,) for name, key in (
-    ("next_model", "g"), ("accept", "a"), ("next_point", "n"), ("drive", "enter")
+    ("next_model", "g"), ("accept", "a"), ("next_point", "n"), ("drive", "enter"),
+    ("report", "W"),
 )}  # fmt: skip
 
 
@@ -166,7 +163,9 @@ def test_the_foot_names_points_for_weak_photos_where_there_is_room():
         (NextStep("measure", "c", "1/2", point="7"), True, "n"),
         (NextStep("accept", "c", "1/2"), True, "a"),
         (NextStep("return", "c", "1/2"), False, "enter"),
+        (NextStep("tie", "c", "1/2", strip="2"), False, "enter"),
         (NextStep("adjust", "anaplot adjust c"), False, "anaplot adjust c"),
+        (NextStep("report", "anaplot report c"), False, "W"),
     ],
 )
 def test_what_is_next_has_its_key(step, in_work, key):

@@ -14,14 +14,10 @@ from screenreading import came, lines, text, until
 
 from anaplot.console.panels import MessagePanel
 from anaplot.errors import NotComputableError
-from anaplot.station.blockstatus import (
-    BlockStatus,
-    Coverage,
-    ModelStatus,
-    NextStep,
-    StripStatus,
-)
+from anaplot.station.blockstatus import BlockStatus, ModelStatus, StripStatus
+from anaplot.station.blockstep import NextStep
 from anaplot.station.blockview import BlockView
+from anaplot.station.coverage import Coverage
 
 FREE = BlockView("101/102", 1, False, datum="free")
 

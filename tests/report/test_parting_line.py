@@ -12,7 +12,7 @@ from anaplot.report.partingline import open_again, parting_line
 from anaplot.session.events import ModelAccepted, ModelReopened, RowSwitched, Undone
 from anaplot.session.state import SessionState, apply
 from anaplot.session.workdone import WorkDone, work_done
-from anaplot.station.blockstatus import NextStep
+from anaplot.station.blockstep import NextStep
 
 
 @pytest.mark.smoke

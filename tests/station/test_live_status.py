@@ -9,14 +9,28 @@ import pytest
 from sessionscene import Scene
 
 from anaplot.errors import NotComputableError
-from anaplot.photogrammetry.block import ControlPoint, ImagePoint
+from anaplot.photogrammetry.block import ControlPoint, ImagePoint, Strip
 from anaplot.session.desk import Desk
 from anaplot.session.events import ModelAccepted, ModelReopened, RowSwitched
 from anaplot.session.models import solve
 from anaplot.session.state import SessionState, apply, fold
 from anaplot.session.workflow import outlook
-from anaplot.station.blockstatus import BlockStatus, coverage_of, status_of
-from anaplot.station.blockview import BlockView, FlaggedCoordinate, SuspectedPoint, SuspectedRay
+from anaplot.station.blockstatus import (
+    BlockStatus,
+    ModelStatus,
+    StripStatus,
+    status_of,
+    untied,
+)
+from anaplot.station.blockstep import following
+from anaplot.station.blockview import (
+    BlockView,
+    FlaggedCoordinate,
+    FlaggedObservation,
+    SuspectedPoint,
+    SuspectedRay,
+)
+from anaplot.station.coverage import coverage_of
 from anaplot.station.imagepoints import rows_of
 from anaplot.station.livestatus import LiveStatus
 from anaplot.station.modeltables import TableKeeper
@@ -100,6 +114,49 @@ def test_the_day_says_the_same_live_and_from_the_files() -> None:
     day.measure(2)
     day.accept()
     assert day.same().next.do == "adjust"
+    # solved on its control, and nothing in it flagged: adjusted it is in the background already
+    solved = BlockView("103/104", 3, False, datum="control", redundancy=40, photos=4)
+    for view, do in (
+        (solved, "report"),
+        (replace(solved, datum="free"), "adjust"),
+        (replace(solved, aside=("104",)), "adjust"),
+        (
+            replace(solved, others=(FlaggedObservation("control", "Z of control point 4", 9.0),)),
+            "adjust",
+        ),
+        (replace(solved, suspects=suspect("102/103", 0.6).suspects), "adjust"),
+        (replace(solved, suspects=suspect("102/103", 0.6).suspects, by_chance=True), "report"),
+    ):
+        assert day.same(view).next.do == do, view
+
+
+@pytest.mark.parametrize("common", [False, True])
+def test_strips_without_a_common_point_are_to_be_tied(common: bool) -> None:
+    strips = (Strip("7", ("101", "102")), Strip("8", ("103", "104")), Strip("9", ("105", "106")))
+    rows = tuple(
+        ImagePoint(photo, f"{photo}{point}", 1.0, 2.0)
+        for photo in ("101", "102", "103", "104")
+        for point in "abc"
+    )
+    if common:
+        rows += (ImagePoint("101", "z", 1.0, 2.0), ImagePoint("103", "z", 1.0, 2.0))
+    block = replace(Scene(photos=4).block, strips=strips, image_points=rows)
+    coverage = coverage_of(block)
+    assert coverage.apart == (() if common else ("8",))
+    standing = tuple(
+        StripStatus(strip.id, (ModelStatus(*strip.photos, "accepted"),)) for strip in strips[:2]
+    )
+    found = untied(standing, coverage)
+    assert found == (None if common else ("8", "103/104"))
+    step = following("", True, None, "b", untied=found)
+    if common:
+        assert step.do == "adjust"
+    else:
+        assert (step.do, step.strip, step.model) == ("tie", "8", "103/104")
+        assert step.words == "tie strip 8 to the others in model 103/104"
+        assert step.opens
+    # what is still to be measured may tie them
+    assert following("105/106", True, None, "b", untied=found).do == "measure"
 
 
 def test_a_model_returned_to_is_in_work_and_those_after_it_are_recomputed() -> None:
@@ -223,7 +280,7 @@ def test_models_from_elsewhere_are_accepted_and_control_is_seen() -> None:
     live = LiveStatus("b").now(block, Desk.at(start), None, tables)
     assert states(live) == ["accepted", "open", "open"]
     assert next(live.models).sigma0_um is not None
-    assert live.coverage == (0, 2, 1)
+    assert live.coverage == (0, 2, 1, ())
     # the session has not measured it: that is what its next key does
     assert live.next.model == "101/102"
 
@@ -232,7 +289,7 @@ def test_lateral_ties_and_control_are_those_of_the_photos_that_see_them() -> Non
     block = Scene(photos=4).block
     draw = random.Random(3)
     photos = [f"f{k}" for k in range(7)]
-    found = set()
+    found, alone = set(), set()
     for _ in range(40):
         # photos of no strip, and of several; points measured twice in one photo
         strips = tuple(
@@ -252,7 +309,13 @@ def test_lateral_ties_and_control_are_those_of_the_photos_that_see_them() -> Non
         }
         lateral = sum(len(ids) > 1 for ids in tied.values())
         twice = len({photo for photo, point in seen if point == "p1"}) > 1
-        assert coverage_of(one) == (lateral, 2, int(twice))
+        reached = next(([s.id] for s in strips if any(s.id in ids for ids in tied.values())), [])
+        for _ in strips:
+            reached += {b for ids in tied.values() if not ids.isdisjoint(reached) for b in ids}
+        measured = [s.id for s in strips if any(s.id in ids for ids in tied.values())]
+        apart = tuple(name for name in measured if name not in reached)
+        assert coverage_of(one) == (lateral, 2, int(twice), apart)
+        alone.add(bool(apart))
         found.add((lateral, twice))
     assert {lateral for lateral, _ in found} > {0, 1, 2}
-    assert {twice for _, twice in found} == {False, True}
+    assert {twice for _, twice in found} == alone == {False, True}

@@ -16,12 +16,17 @@ from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
-from anaplot.adjustment.reliability import SPUR
-from anaplot.adjustment.testdistribution import TestDistribution, distribution_of
+from anaplot.adjustment.testdistribution import TestDistribution
+from anaplot.bundle.errors.bychance import (
+    ALARM,
+    exceeding_by_chance,
+    may_be_chance,
+    tested_count,
+)
 from anaplot.bundle.errors.suspects import Suspect, likeliest_suspect
 from anaplot.bundle.hypotheses.givenparts import PartTest
 from anaplot.bundle.solve.adjusted import AdjustedBlock
-from anaplot.report.adjustdocument import ALARM, others_flagged, sigma0_limit
+from anaplot.report.adjustdocument import others_flagged, sigma0_limit
 from anaplot.report.blockadjustment import BlockAdjustment
 from anaplot.station.blockstatus import BlockStatus
 
@@ -81,7 +86,7 @@ class Judgement:
         Sigma0 against the a-priori one: significantly larger, significantly and far smaller, or as
         stated.
     flagged, tested, observations
-        How many are flagged, can be tested (redundancy number of `SPUR` and more), and take part.
+        How many are flagged, can be tested (`bychance.tested_count`), and take part.
     cause
         What explains most of what is flagged or rejected by tests; None where nothing is.
     refused
@@ -123,8 +128,7 @@ def judged(found: BlockAdjustment, status: BlockStatus) -> Judgement:
         Where the block stands, without what was rejected.
     """
     block = found.block
-    use = block.tested.use
-    tested = int(np.count_nonzero(use & (block.tested.r >= SPUR) & np.isfinite(block.tested.w)))
+    tested = tested_count(block)
     scale = _scale(block)
     cause = _cause(found, scale, tested)
     refused = () if cause is not None else tuple(_refused_beside(found))
@@ -135,12 +139,12 @@ def judged(found: BlockAdjustment, status: BlockStatus) -> Judgement:
         scale=scale,
         flagged=flagged,
         tested=tested,
-        observations=int(use.sum()),
+        observations=int(block.tested.use.sum()),
         cause=cause,
         refused=refused,
         photos=photos,
         hints=tuple(_hints(status, cause, scale)),
-        by_chance=_may_be_chance(block, flagged, tested),
+        by_chance=may_be_chance(block),
     )
     if block.critical is None or block.redundancy < 1:
         return said("unknown")
@@ -227,26 +231,7 @@ def _stands_out(block: AdjustedBlock, accused: _Accused, tested: int) -> bool:
     if block.redundancy < 2 or not block.sigma0:
         return True
     tau = TestDistribution(block.redundancy)
-    return _by_chance(tau, sqrt(accused.square) / block.sigma0, tested) <= ALARM
-
-
-def _by_chance(of: TestDistribution, w: float, tested: int) -> float:
-    """Return how many of the tested would exceed w by chance."""
-    return 2.0 * tested * float(of.below(np.array([-abs(w)]))[0])
-
-
-def _may_be_chance(block: AdjustedBlock, flagged: int, tested: int) -> bool:
-    """Whether so many good observations, and as far out, are flagged in one of twenty blocks."""
-    distribution = distribution_of(block.test, block.redundancy)
-    if not flagged or distribution is None:
-        return False
-    from scipy.special import pdtrc
-
-    worst = float(np.nanmax(np.abs(block.tested.w[block.tested.flagged])))
-    return (
-        float(pdtrc(flagged - 1, block.flagged_by_chance)) > ALARM
-        and _by_chance(distribution, worst, tested) > ALARM
-    )
+    return exceeding_by_chance(tau, sqrt(accused.square) / block.sigma0, tested) <= ALARM
 
 
 def tested_parts(found: BlockAdjustment) -> Iterator[Given]:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
+from anaplot.bundle.errors.bychance import ALARM
 from anaplot.bundle.solve.adjusted import AdjustedBlock, observation_in_words
 from anaplot.bundle.solve.uncheckedvalues import unchecked_values
 from anaplot.report.adjustdocument import (
-    ALARM,
     datum_words,
     ground_lines,
     others_flagged,
@@ -19,7 +19,7 @@ from anaplot.report.columns import counted
 from anaplot.report.document import Answer, Document, Line, Table, named, say
 from anaplot.report.html.parts import Captioned, Facts, HtmlBlock, Section
 from anaplot.report.html.shown import first_rows
-from anaplot.station.blockstatus import is_held
+from anaplot.station.coverage import is_held
 
 __all__ = ["accuracy_section", "glance_section"]
 

@@ -11,10 +11,11 @@ from math import floor, log10
 import numpy as np
 
 from anaplot.adjustment.tested import sigma0_known
+from anaplot.bundle.errors.bychance import ALARM
 from anaplot.bundle.errors.suspects import Suspect
 from anaplot.bundle.solve.adjusted import AdjustedBlock, observation_in_words
 from anaplot.bundle.solve.uncheckedvalues import unchecked_values
-from anaplot.report.adjustdocument import ALARM, DATUM
+from anaplot.report.adjustdocument import DATUM
 from anaplot.report.blockadjustment import BlockAdjustment
 from anaplot.report.columns import counted
 from anaplot.report.document import Line, named, say
@@ -349,7 +350,7 @@ def _cures(judgement: Judgement) -> Iterable[Line]:
 def _steps(judgement: Judgement, status: BlockStatus) -> Iterable[Line]:
     """Yield what comes next where nothing accuses an observation."""
     step = status.next
-    if step.do in ("measure", "accept") or (
+    if step.do in ("measure", "accept", "tie") or (
         step.do == "return" and (judgement.photos or judgement.hints)
     ):
         yield say("{}: {}", step.words, status.next_command)
