@@ -36,6 +36,8 @@ _KEY: Mapping[StepKind, str] = {
     "switch off": "switch_row",
     "return": "drive",
 }
+_BY_LINE: frozenset[StepKind] = frozenset({"measure", "remeasure"})
+_AWAY = ("lost", "reconnecting")  # states of a link over which nothing can be measured
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,11 +134,17 @@ def _text(
         if elsewhere != snapshot.target:
             to = "to" if snapshot.drives else "choose"
             wanted.insert(0, f"{to} {elsewhere}: {_shown(keys, 'drive')}")
+        by_line = [0] if wanted else []
     else:
         wanted = [_wanted(step, snapshot, keys, entered=step is lead) for step in steps]
+        by_line = [k for k, step in enumerate(steps) if step.kind in _BY_LINE]
     at = snapshot.target
     if at is not None and at not in (step.point for step in steps):
         wanted.insert(0, f"measure {at}, then {_shown(keys, 'record')}")
+        by_line = [0]
+    if by_line and snapshot.link.state in _AWAY:
+        first = by_line[0]
+        wanted[first] = f"wait for the line (look at cable and power), then {wanted[first]}"
     remark = snapshot.agenda.remark
     return ", or ".join(wanted) + (f" ({remark})" if remark else "")
 

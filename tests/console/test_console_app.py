@@ -622,6 +622,22 @@ async def test_the_readout_is_live_or_it_is_dashes():
         assert app.screen.query_one(ReadOutLine).size.height == 1
 
 
+async def test_a_line_that_cannot_be_opened_is_told_once():
+    station = FakeStation(picture(serial=10))
+    app = console(station)
+    async with app.run_test(size=(80, 24)) as pilot:
+        said = []
+        panel = app.screen.query_one(MessagePanel)
+        panel.say = lambda severity, text: said.append(text)
+        steps = [("lost", "unplugged"), ("reconnecting", "unplugged")]
+        steps += [("lost", "no such port"), ("reconnecting", "no such port")] * 3
+        steps += [("opening", ""), ("live", ""), ("lost", "unplugged")]
+        for serial, (state, detail) in enumerate(steps, 11):
+            station.tell(picture(serial=serial, link=LinkView(state, "p", "/dev/x", True, detail)))
+            await until(pilot, lambda at=serial: app.screen_stack[0]._snapshot.serial == at)
+        assert said == ["link: unplugged", "link: no such port", "link: unplugged"]
+
+
 HOSTILE = ("[red]x[/]", "[/", "\x1b[2J", "a\nb", "[@click=app.exit]go[/]", "\u202eevil", "$error")
 
 

@@ -12,7 +12,7 @@ from anaplot.console.keymap import keys_in_force
 from anaplot.console.now import Now, longest_now, now_of
 from anaplot.console.rows import ShownRow, shown_rows
 from anaplot.session.nextstep import Agenda, Step
-from anaplot.station.snapshot import Snapshot
+from anaplot.station.snapshot import LinkView, Snapshot
 
 pytestmark = pytest.mark.smoke
 
@@ -154,3 +154,24 @@ def test_of_a_doubted_point_the_doubted_row_is_followed() -> None:
         DONE, solution=with_rows(solved, table), diagnosis=replace(given, suspects=(("103", "x"),))
     )
     assert now_of(snapshot, KEYS).row == ("103", "x")
+
+
+@pytest.mark.parametrize("state", ["lost", "reconnecting"])
+def test_while_the_line_is_away_nothing_is_to_be_measured_before_it_is_back(state: str) -> None:
+    link = LinkView(state, "sim", "/dev/pts/7")
+    agenda = Agenda((MEASURE,), "8 of 13 points to go")
+    away = shown(agenda, target="107", measured=5, link=link)
+    text = "wait for the line (look at cable and power), then measure 107, then space"
+    now = now_of(away, KEYS)
+    assert now.text == f"{text} (8 of 13 points to go)"
+    assert longest_now(away, KEYS, []) == now.text
+    assert now_of(replace(away, link=replace(link, state="live")), KEYS).text == (
+        "measure 107, then space (8 of 13 points to go)"
+    )
+    # what needs no line is said as ever
+    accept = shown(Agenda((Step("accept", "accept"),)), link=link)
+    assert now_of(accept, KEYS).text == "accept: a"
+    either = shown(Agenda((Step("accept", "accept"), AGAIN)), link=link)
+    assert now_of(either, KEYS).text == (
+        "accept: a, or wait for the line (look at cable and power), then remeasure 103: n"
+    )
