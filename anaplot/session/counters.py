@@ -12,7 +12,6 @@ from anaplot.session.referencing import (
     KnownPlace,
     Referencing,
     in_words,
-    references,
 )
 from anaplot.session.requests import ReadAnew, Refer, SetMark
 from anaplot.session.tolerances import tolerance_of_offsets_mm
@@ -25,7 +24,7 @@ def aim_at_reference(draft: Draft, referencing: Referencing, point: str) -> None
     # who sets the mark by himself does it anew, wherever it stands
     own = bool(draft.seen.own_operator)
     chosen = replace(referencing, chosen=point, moved=referencing.moved or own)
-    at = chosen.proposed(*references(draft.desk.state, draft.desk.last_measured))
+    at = chosen.proposed(*draft.desk.references)
     if at is None or at.name != point:
         raise InputError(f"{UNREFERENCED}; {point} is not measured or helps no further")
     draft.change(referencing=chosen)
@@ -52,7 +51,7 @@ def refer(draft: Draft, point: str | None) -> None:
         )
     if point is not None:
         referencing = replace(referencing, chosen=point)
-    needed, known = references(desk.state, desk.last_measured)
+    needed, known = desk.references
     at = referencing.proposed(needed, known)
     if not needed:
         _referenced(draft, "nothing measured depends on the counters: they count on", None)

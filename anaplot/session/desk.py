@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from anaplot.aliases import Side
 from anaplot.orientation.ownpattern import PointPattern
 from anaplot.orientation.patterns import pattern
 from anaplot.photogrammetry.block import ControlPoint
@@ -197,7 +198,7 @@ class Desk:
     def agenda(self) -> Agenda:
         """What the operator may do now, the most urgent first."""
         if self.referencing is not None:
-            needed, _ = references(self.state, self.last_measured)
+            needed, _ = self.references
             return Agenda((), asked_for(self.referencing, self.reference, needed))
         if self.check is not None:
             step = Step("measure", f"check point {self.check}", self.check)
@@ -266,7 +267,16 @@ class Desk:
         """What counters without reference are to be referred to now, or None."""
         if self.referencing is None:
             return None
-        return self.referencing.proposed(*references(self.state, self.last_measured))
+        return self.referencing.proposed(*self.references)
+
+    @property
+    def references(self) -> tuple[tuple[Side, ...], tuple[KnownPlace, ...]]:
+        """`referencing.references`: what the model in work flags, or suspects, comes last."""
+        solution, diagnosis = self.outlook.solution, self.outlook.diagnosis
+        flagged = () if solution is None else solution.flagged
+        suspects = () if diagnosis is None else diagnosis.suspects
+        doubted = {*(row.point for row in flagged), *(point for point, _ in suspects)}
+        return references(self.state, self.last_measured, doubted)
 
     @property
     def laid(self) -> Lay | None:

@@ -7,7 +7,7 @@ pointing is not believed: a second one, there or elsewhere, has to say the same.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 
 from anaplot.aliases import Side
@@ -56,7 +56,7 @@ class KnownPlace:
 
 
 def references(
-    state: SessionState, last: str | None = None
+    state: SessionState, last: str | None = None, doubted: Collection[str] = ()
 ) -> tuple[tuple[Side, ...], tuple[KnownPlace, ...]]:
     """Return the carriages whose counters matter, and what there is to refer them to.
 
@@ -66,6 +66,9 @@ def references(
         The session's state. Between models the plates of the last one still lie.
     last
         The point or fiducial measured last: it comes first.
+    doubted
+        Points and fiducials whose measurement may be wrong, and with it all that is measured on
+        counters referred to them: they come last.
 
     Returns
     -------
@@ -85,7 +88,7 @@ def references(
         return (), ()
     needed = tuple(s for s in model.carriages if _matters(state, model, s, over=over))
     found = [*_points(state, model, needed), *_fiducials(model, needed)]
-    found.sort(key=lambda reference: reference.name != last)
+    found.sort(key=lambda reference: (reference.name in doubted, reference.name != last))
     return needed, tuple(found)
 
 
@@ -152,6 +155,8 @@ class Referencing:
         Where the counters stood at the last pointing [mm], or None.
     moved
         Whether they were seen elsewhere since, or the mark was set anew by itself.
+    pointed_at
+        Name of the reference pointed at last, or None.
     """
 
     once: Mapping[Side, Offset] = field(default_factory=dict)
@@ -159,6 +164,7 @@ class Referencing:
     chosen: str | None = None
     last: Position | None = None
     moved: bool = False
+    pointed_at: str | None = None
 
     def is_away(self, position: Position) -> bool:
         """Whether any counter [mm], as it counts, is elsewhere than at the last pointing."""
@@ -174,9 +180,16 @@ class Referencing:
     def proposed(
         self, needed: tuple[Side, ...], known: tuple[KnownPlace, ...]
     ) -> KnownPlace | None:
-        """Return what to point at now: the chosen one, or the first that helps."""
+        """Return what to point at now: the chosen one, or the first that helps.
+
+        A second pointing is to be elsewhere where it can be: what was measured wrong would say the
+        same of itself twice.
+        """
         to_go = self.open_sides(needed)
         useful = [r for r in known if any(side in r.places for side in to_go)]
+        useful.sort(
+            key=lambda r: (self.once.keys().isdisjoint(r.places), r.name == self.pointed_at)
+        )
         chosen = (r for r in useful if r.name == self.chosen)
         return next(chosen, useful[0] if useful else None)
 
@@ -214,7 +227,9 @@ class Referencing:
                     f"puts it, more than {tolerance:.3f} mm: set the mark again, twice"
                 )
             agreed[side] = ((offset[0] + before[0]) / 2.0, (offset[1] + before[1]) / 2.0)
-        return replace(self, once=once, agreed=agreed, last=here, moved=False)
+        return replace(
+            self, once=once, agreed=agreed, last=here, moved=False, pointed_at=reference.name
+        )
 
     def shift(self, was: Position, tolerance: float, *, mono: bool) -> Position | None:
         """Return by how much the counters are to be moved [mm]; None when they kept their origin.
@@ -257,8 +272,9 @@ def asked_for(referencing: Referencing, at: KnownPlace | None, needed: tuple[Sid
     """
     lost = "the counters have lost their reference"
     if at is not None:
-        again = " again" if any(side in referencing.once for side in at.places) else ""
-        return f"{lost}: set the mark on {at.title}{again} and press R"
+        second = any(side in referencing.once for side in at.places)
+        again = " again" if at.name == referencing.pointed_at else ", too,"
+        return f"{lost}: set the mark on {at.title}{again if second else ''} and press R"
     if needed:
         return f"{lost}: nothing is measured to refer them to; set them, and press K"
     return f"{lost}: nothing measured depends on it; press R"

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from anaplot.errors import InputError
 from anaplot.plotter.readings import Position
-from anaplot.session.referencing import KnownPlace, Referencing, in_words
+from anaplot.session.referencing import KnownPlace, Referencing, asked_for, in_words
 from anaplot.session.tolerances import tolerance_of_offsets_mm
 
 ZERO = Position(0.0, 0.0, 0.0, 0.0)
@@ -69,6 +71,21 @@ def test_counters_that_agree_with_what_they_were_moved_by_are_left_alone() -> No
         state = state.pointed(POINT, counted(POINT, 3.0, 4.0, error), TOLERANCE)
     assert state.shift(Position(3.02, 4.0, 3.0, 4.02), TOLERANCE, mono=False) is None
     assert state.shift(Position(3.03, 4.0, 3.0, 4.0), TOLERANCE, mono=False) is not None
+
+
+def test_the_second_pointing_is_to_be_elsewhere() -> None:
+    other = KnownPlace("8", "point 8", {"left": (5.0, 5.0), "right": (6.0, 6.0)})
+    once = Referencing().pointed(POINT, counted(POINT, 3.0, 4.0), TOLERANCE)
+    assert once.proposed(BOTH, (POINT, other)) == other
+    assert asked_for(once, other, BOTH).endswith("set the mark on point 8, too, and press R")
+    # there again where nothing else can say the same, or where it is chosen
+    assert once.proposed(BOTH, (POINT,)) == POINT
+    assert asked_for(once, POINT, BOTH).endswith(f"{POINT.title} again and press R")
+    assert replace(once, chosen=POINT.name).proposed(BOTH, (POINT, other)) == POINT
+    # a fiducial of the other carriage says nothing of this one
+    marked = Referencing().pointed(MARK, counted(MARK, 3.0, 4.0), TOLERANCE)
+    right = KnownPlace("2", "fiducial 2", {"right": (6.0, 6.0)}, "right")
+    assert marked.proposed(BOTH, (right, MARK)) == MARK
 
 
 def test_what_is_chosen_goes_before_what_is_proposed() -> None:
