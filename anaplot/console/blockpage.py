@@ -17,7 +17,13 @@ from anaplot.console.describe import Entry
 from anaplot.console.dialogs import Page, clickable
 from anaplot.console.panels import entry_lines, said_line
 from anaplot.console.text import cell, fit, fit_end, number, wrap
-from anaplot.station.blockview import BlockView, SuspectedPoint, SuspectedRay, percent
+from anaplot.station.blockview import (
+    BlockView,
+    FlaggedObservation,
+    SuspectedPoint,
+    SuspectedRay,
+    percent,
+)
 from anaplot.station.snapshot import Snapshot
 from anaplot.textfiles.wording import plain
 
@@ -256,7 +262,7 @@ def _suspects(view: BlockView, width: int, at: int | None) -> list[Content]:
     )
     lines = [Content.styled(fit(head, width), "bold $foreground-muted")]
     for k, point in enumerate(view.suspects[:_MOST]):
-        lines += _point(point, width, here=k == at)
+        lines += _point(point, view.unless(point), width, here=k == at)
     if len(view.suspects) > _MOST:
         lines.append(Content(f"and {len(view.suspects) - _MOST} more points"))
     advice = "One error may flag its neighbours: remeasure the first point, then look again."
@@ -268,7 +274,9 @@ def _suspects(view: BlockView, width: int, at: int | None) -> list[Content]:
     return lines
 
 
-def _point(point: SuspectedPoint, width: int, *, here: bool) -> list[Content]:
+def _point(
+    point: SuspectedPoint, unless: FlaggedObservation | None, width: int, *, here: bool
+) -> list[Content]:
     lines = []
     for k, row in enumerate(point.flagged):
         cells = (
@@ -285,6 +293,8 @@ def _point(point: SuspectedPoint, width: int, *, here: bool) -> list[Content]:
         )
         lines.append(Content.styled(fit(cells, width), "bold $text-error" if k == 0 else ""))
     verdict = "wrong: " + ", ".join(_chance(ray) for ray in point.rays[:3])
+    if unless is not None:
+        verdict += f", unless {unless.what} is wrong"
     if point.newly:
         verdict = f"only now ({point.since}), {verdict}"
     lines += [Content(f"  {line}") for line in wrap(verdict, width - 2)]

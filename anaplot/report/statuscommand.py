@@ -73,7 +73,7 @@ _MOST_WEAK = 6  # photos for which points are found that would help
 _IN_STRIP = for_programs(
     "left", "right", "state", "sigma0_um", "redundancy", "flagged", "off", "ties"
 )
-_SUSPECTS = for_programs("photo", "point", "axis", "model", "probability")
+_SUSPECTS = for_programs("photo", "point", "axis", "model", "probability", "unless")
 
 
 def run_status(options: argparse.Namespace) -> int:
@@ -299,7 +299,9 @@ def _unsolved(view: BlockView | None) -> list[str]:
     return [] if view is None or view.solved or not view.remark else [view.remark]
 
 
-def _suspects(view: BlockView | None) -> list[tuple[str, str, str, str | None, float]]:
+def _suspects(
+    view: BlockView | None,
+) -> list[tuple[str, str, str, str | None, float, str | None]]:
     if view is None:
         return []
     return [
@@ -309,6 +311,7 @@ def _suspects(view: BlockView | None) -> list[tuple[str, str, str, str | None, f
             one.flagged[0].axis,
             one.accused.model,
             one.accused.probability,
+            None if (other := view.unless(one)) is None else other.what,
         )
         for one in view.suspects
     ]

@@ -43,9 +43,9 @@ class BlockAccidents:
     photos: tuple[PhotoAccident, ...] = ()
 
     @property
-    def surest(self) -> FiledAccident | None:
-        """The first of which it is certain that the point is the wrong one, or None."""
-        return next((one for one in self.found if one.accident.certain), None)
+    def certain(self) -> tuple[FiledAccident, ...]:
+        """Those of which it is certain that the point is the wrong one."""
+        return tuple(one for one in self.found if one.accident.certain)
 
 
 NO_ACCIDENTS = BlockAccidents()

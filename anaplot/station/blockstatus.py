@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Set
+from collections.abc import Iterable, Iterator, Sequence, Set
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from anaplot.photogrammetry.block import Block, Strip
 from anaplot.photogrammetry.imagepoints import names_of
 from anaplot.photogrammetry.selection import measured_in_files, rows_by_photo
-from anaplot.session.filedaccidents import NO_ACCIDENTS, BlockAccidents
+from anaplot.session.filedaccidents import NO_ACCIDENTS, BlockAccidents, FiledAccident
 from anaplot.station.blockstep import NextStep, Untied, following
 from anaplot.station.coverage import Coverage, coverage_of, is_held
 from anaplot.station.waystoopen import ways_to_open
@@ -208,7 +208,7 @@ def _other(one: FlaggedObservation) -> WeakSpot:
 def _of_block(view: BlockView | None) -> Iterator[WeakSpot]:
     if view is None:
         return
-    from anaplot.station.blockview import percent
+    from anaplot.station.blockview import in_words
 
     others = list(view.others)
     for point in view.suspects:
@@ -217,7 +217,7 @@ def _of_block(view: BlockView | None) -> Iterator[WeakSpot]:
             yield _other(others.pop(0))
         accused = point.accused
         where = "" if accused.model is None else f" (model {accused.model})"
-        chance = percent(accused.probability)
+        chance = in_words(accused, view.unless(point))
         words = f"point {point.point} in photo {accused.photo}{where}: {chance}"
         yield WeakSpot(accused.model or "", words)
     yield from map(_other, others)
@@ -276,13 +276,25 @@ def status_of(
         step = following(opened, measured, named, folder, state, ahead, held=is_held(block))
     elif (photo := _wrong_photo(block, accidents)) is not None:
         step = NextStep("return", f"anaplot open {folder}", *photo)
-    elif accidents.surest is not None:
-        wrong = accidents.surest
+    elif (wrong := _surest(accidents, () if state is None else state.models)) is not None:
         step = NextStep("return", f"anaplot open {folder}", wrong.model, point=wrong.accident.point)
     else:
         apart = None if state is None else untied(strips, coverage)
-        step = following(opened, measured, named, folder, held=is_held(block), untied=apart)
+        step = following(opened, measured, named, folder, state, held=is_held(block), untied=apart)
     return BlockStatus(strips, recomputed, view, coverage, step, accidents, ways_to_open(block))
+
+
+def _surest(accidents: BlockAccidents, models: Sequence[ModelState]) -> FiledAccident | None:
+    """Return the first of which it is certain, and that measuring again may mend; or None."""
+    if not accidents.certain:
+        return None
+    from anaplot.station.returnadvice import may_help
+
+    of = {model.name: model for model in models}
+    for one in accidents.certain:
+        if one.model not in of or may_help(of[one.model], one.accident.point):
+            return one
+    return None
 
 
 def untied(strips: Iterable[StripStatus], coverage: Coverage) -> Untied | None:
@@ -386,7 +398,9 @@ def suspected_models(view: BlockView | None) -> frozenset[str]:
     return frozenset(
         point.accused.model
         for point in view.suspects
-        if point.accused.model is not None and point.accused.probability > SURE
+        if point.accused.model is not None
+        and point.accused.probability > SURE
+        and view.unless(point) is None
     )
 
 

@@ -92,7 +92,7 @@ def following(
     folder
         How the command line names the block.
     state, ahead
-        The session with a model in work, and what follows from it; None without one.
+        The session, and what follows from its model in work; None without one.
     held
         Whether anything ties the block to the ground.
     untied
@@ -117,7 +117,8 @@ def following(
     if untied is not None:
         return NextStep("tie", opening, untied.model, strip=untied.strip)
     if measured:
-        if view is not None and view.clean:
+        # what was measured elsewhere is to be adjusted in the first place
+        if state is not None and view is not None and view.clean:
             return NextStep("report", f"anaplot report {folder}")
         # what the control does not determine yet needs a free datum
         free = not held or (view is not None and view.datum == "free")

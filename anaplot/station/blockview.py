@@ -17,6 +17,7 @@ __all__ = [
     "FlaggedObservation",
     "SuspectedPoint",
     "SuspectedRay",
+    "in_words",
     "percent",
 ]
 
@@ -83,6 +84,12 @@ class SuspectedRay(NamedTuple):
     photo: str
     model: str | None
     probability: float
+
+
+def in_words(ray: SuspectedRay, unless: FlaggedObservation | None) -> str:
+    """Return how sure the block is of a ray; `unless`: what may be wrong in its place."""
+    chance = percent(ray.probability)
+    return chance if unless is None else f"{chance}, unless {unless.what} is wrong"
 
 
 @dataclass(frozen=True, slots=True)
@@ -208,6 +215,14 @@ class BlockView:
         """Whether all of it is solved on its control, and no more is flagged than by chance."""
         flagged = bool(self.suspects or self.others) and not self.by_chance
         return self.solved and self.datum != "free" and not (flagged or self.aside or self.remark)
+
+    def unless(self, point: SuspectedPoint) -> FlaggedObservation | None:
+        """Return what is flagged more than a point's rays, and may be why they are; or None.
+
+        Wrong control bends the rays about it: of none of them is the block sure then.
+        """
+        first = self.others[0] if self.others else None
+        return first if first is not None and first.w > abs(point.flagged[0].w) else None
 
     def of_earlier_models(self, current: str) -> tuple[SuspectedPoint, ...]:
         """Return the suspects whose accused measurement does not belong to the model `current`."""

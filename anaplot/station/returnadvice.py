@@ -12,7 +12,7 @@ from anaplot.station.blockview import SURE, BlockView, SuspectedPoint, Suspected
 if TYPE_CHECKING:
     from anaplot.session.desk import Desk
 
-__all__ = ["ReturnAdvice", "return_advice", "surely_wrong"]
+__all__ = ["ReturnAdvice", "may_help", "return_advice", "surely_wrong"]
 
 _MOST = 2  # measurements of a point there after which measuring it again has not helped
 _AGAIN = 2  # measurements of a point here that say the same
@@ -74,13 +74,16 @@ def return_advice(desk: Desk, view: BlockView | None) -> ReturnAdvice | None:
 def surely_wrong(view: BlockView, models: Sequence[ModelState]) -> SuspectedPoint | None:
     """Return the point that shows most of all, if the block is sure which measurement is wrong.
 
-    None as well where that was measured in one of `models` so often that it has not helped.
+    None as well where that was measured in one of `models` so often that it has not helped, and
+    where control, a prior or a condition shows more.
     """
     if not view.suspects or view.suspects[0].certainty <= SURE:
         return None
     suspect = view.suspects[0]
+    if view.unless(suspect) is not None:
+        return None
     model = _model_of(models, suspect.point, suspect.accused)
-    return suspect if model is None or _may_help(model, suspect.point) else None
+    return suspect if model is None or may_help(model, suspect.point) else None
 
 
 def _of_block(desk: Desk, view: BlockView | None) -> ReturnAdvice | None:
@@ -125,11 +128,12 @@ def _of_tie(desk: Desk) -> ReturnAdvice | None:
     again = _AGAIN + model.mono
     if axis != "x" or measured is None or measured.times < again:
         return None
-    if before is None or not _may_help(before, point):
+    if before is None or not may_help(before, point):
         return None
     return ReturnAdvice(before.left, before.right, point, axis, "", None)
 
 
-def _may_help(model: ModelState, point: str) -> bool:
+def may_help(model: ModelState, point: str) -> bool:
+    """Return whether it may help to measure a point again: not where it was often enough."""
     measured = model.measurement(point)
     return measured is not None and measured.times <= _MOST and not model.is_off(point)

@@ -40,6 +40,7 @@ def test_a_new_block_is_open(tmp_path: Path, capsys: pytest.CaptureFixture[str])
         "point": None,
         "inner": None,
         "why": None,
+        "strip": None,
     }
     assert main(["status", str(folder)]) == 0
     said = capsys.readouterr().out
@@ -122,7 +123,8 @@ def test_a_wrong_point_is_returned_to(tmp_path: Path, capsys: pytest.CaptureFixt
     found = status(folder, capsys)
     assert found["strips"][0]["models"][0]["state"] == "look"
     suspect = found["block"]["suspects"][0]
-    assert list(suspect) == ["photo", "point", "axis", "model", "probability"]
+    assert list(suspect) == ["photo", "point", "axis", "model", "probability", "unless"]
+    assert suspect["unless"] is None
     assert (suspect["photo"], suspect["point"], suspect["model"]) == ("102", "102-2", "101/102")
     assert suspect["probability"] > 0.99
     assert found["next"] | {"command": ""} == {
@@ -133,6 +135,7 @@ def test_a_wrong_point_is_returned_to(tmp_path: Path, capsys: pytest.CaptureFixt
         "point": "102-2",
         "inner": None,
         "why": None,
+        "strip": None,
     }
     assert main(["status", str(folder)]) == 0
     assert "NEXT: return to model 101/102, point 102-2" in capsys.readouterr().out

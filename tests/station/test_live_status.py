@@ -111,6 +111,13 @@ def test_the_day_says_the_same_live_and_from_the_files() -> None:
     assert states(found) == ["look", "accepted", "open"]
     assert (found.next.do, found.next.model, found.next.point) == ("return", "101/102", "p")
     assert day.same(suspect("101/102", 0.9)).next.do == "measure"
+    # wrong control bends the rays about it: of none of them the block is sure then
+    for w, state, do in ((9.5, "accepted", "measure"), (8.5, "look", "return")):
+        control = FlaggedObservation("control", "X of control point 10", w)
+        found = day.same(replace(suspect("101/102", 0.999), others=(control,)))
+        assert (states(found)[0], found.next.do) == (state, do)
+        [spot] = [one for one in found.weak_spots if one.words.startswith("point p")]
+        assert spot.words.endswith("unless X of control point 10 is wrong") == (w > 9.0)
     day.measure(2)
     day.accept()
     assert day.same().next.do == "adjust"
