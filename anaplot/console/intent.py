@@ -345,6 +345,8 @@ def _accept(snapshot: Snapshot) -> Intent:
     if flagged:
         rows = "1 row is" if flagged == 1 else f"{flagged} rows are"
         doubts.append(f"{rows} still flagged in {where}.")
+    elif snapshot.inner is None and snapshot.solution is not None and snapshot.solution.unexplained:
+        doubts.append(f"Nothing is flagged in {where}, but {snapshot.solution.unexplained}.")
     if not doubts:
         return commands.Accept()
     return Question(

@@ -34,7 +34,6 @@ __all__ = ["diagnose"]
 
 
 _TWINS = 0.1  # bases: points no further apart are a doubled point
-_SUSPICIOUS = 3.0  # times the a-priori sigma0: a test that estimates sigma may hide behind it
 
 
 def diagnose(solution: ModelSolution) -> Diagnosis:
@@ -195,11 +194,10 @@ def _advice(
         # one mistake explains all: what the table takes for single errors is none
         return interchange.text, *out
     if not suspects:
-        sigma0 = solution.sigma0_um
-        if sigma0 is not None and sigma0 > _SUSPICIOUS * solution.apriori_um:
+        if solution.unexplained:
             out.append(
-                f"{NOTHING_FLAGGED}, but sigma0 is {sigma0 / solution.apriori_um:.0f} times its "
-                "a-priori value: more than one measurement is wrong"
+                f"{NOTHING_FLAGGED}, but {solution.unexplained}: measurements are wrong, and the "
+                "test does not tell which"
             )
         elif solution.redundancy > 1:
             out.append(NOTHING_FLAGGED + _unchecked(solution))

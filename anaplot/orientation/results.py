@@ -16,8 +16,18 @@ from anaplot.orientation.pair import Stereopair
 from anaplot.orientation.tieerrors import ExactStatistics
 from anaplot.photogrammetry.block import TieVariance
 
-__all__ = ["Diagnosis", "Exchanged", "Interchange", "ModelPoint", "ModelSolution", "Row"]
+__all__ = [
+    "TOO_LARGE",
+    "Diagnosis",
+    "Exchanged",
+    "Interchange",
+    "ModelPoint",
+    "ModelSolution",
+    "Row",
+]
 
+TOO_LARGE = 3.0
+"""Times the a-priori sigma0: a test that estimates sigma0 may hide errors behind one as large."""
 Row = tuple[str, Axis]
 """A pseudo-observation of a model: y of a point, or x of a tie."""
 Exchanged = Literal["left", "right", "both"]
@@ -166,6 +176,14 @@ class ModelSolution(MadeAgain, TestedInMicrometres[Row]):
     def flagged(self) -> tuple[Observation[Row], ...]:
         """The rows whose significance exceeds the critical value."""
         return tuple(self.tested.rows(np.flatnonzero(self.tested.flagged)))
+
+    @property
+    def unexplained(self) -> str:
+        """That sigma0 is `TOO_LARGE` while no row is flagged, in words; "" where it is not."""
+        sigma0 = self.sigma0_um
+        if sigma0 is None or sigma0 <= TOO_LARGE * self.apriori_um or self.tested.flagged.any():
+            return ""
+        return f"sigma0 is {sigma0 / self.apriori_um:.0f} times its a-priori value"
 
 
 class Interchange(NamedTuple):

@@ -84,6 +84,7 @@ def next_step(
     solved: bool,
     again: Again | None = None,
     interchanged: tuple[str, ...] = (),
+    unexplained: str = "",
 ) -> Expectation:
     """Say what comes next in a model.
 
@@ -99,6 +100,8 @@ def next_step(
         What the operator returned to the model for, or None: it comes before other suspects.
     interchanged
         Two points whose records are exchanged, or ().
+    unexplained
+        Why the model is not to be accepted as it is although nothing is flagged, or "".
     """
     if again is not None:
         suspects = (again.point, *(point for point in suspects if point != again.point))
@@ -106,9 +109,10 @@ def next_step(
     step = _single(model, suspects, side) if model.mono else _pair(model, suspects)
     if step is not None:
         return _naming(step, interchanged)
-    if solved:
-        return Expectation(None, Agenda((Step("accept", "accept the model"),)))
     add = Step("add", "add or re-measure points")
+    if solved:
+        accept = Step("accept", "accept the model")
+        return Expectation(None, Agenda((add, accept) if unexplained else (accept,), unexplained))
     return Expectation(None, Agenda((add,), "the model is not determined"))
 
 

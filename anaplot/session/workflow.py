@@ -134,6 +134,7 @@ def outlook(state: SessionState) -> Outlook:
         solved=solution is not None,
         again=_again(state, model),
         interchanged=() if interchange is None else interchange.points,
+        unexplained="" if solution is None or suspects else solution.unexplained,
     )
     agenda, leaves = step.agenda, state.returned is not None and state.unchanged
     if leaves and step.point is None and step.lay is None:

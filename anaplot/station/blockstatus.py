@@ -58,7 +58,7 @@ class ModelStatus:
     flagged, off, ties
         How many rows are flagged, how many are switched off, and how many tie points it has.
     why
-        Why it has no table although it was measured, or "".
+        Why it has no table although it was measured, or what is wrong with all of it; or "".
     """
 
     left: str
@@ -408,7 +408,7 @@ def standing(
     solution: ModelSolution | None, *, suspected: bool, recomputed: bool = False
 ) -> ModelStanding:
     """Return how an accepted model stands; without a solution it needs a look."""
-    if suspected or solution is None or solution.flagged:
+    if suspected or solution is None or solution.flagged or solution.unexplained:
         return "look"
     return "recomputed" if recomputed else "accepted"
 
@@ -463,4 +463,5 @@ def with_table(
         len(solution.flagged),
         len(solution.off_rows),
         len(solution.ties),
+        solution.unexplained if stands == "look" else "",
     )

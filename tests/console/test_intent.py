@@ -22,6 +22,7 @@ from anaplot.console.keymap import keys_in_force
 from anaplot.console.now import Now, now_of
 from anaplot.console.rows import shown_rows
 from anaplot.console.situation import Situation
+from anaplot.orientation.results import ModelSolution
 from anaplot.session.commands import (
     Accept,
     Drive,
@@ -80,6 +81,14 @@ def test_enter_on_the_advice_returns() -> None:
     )
 
 
+def noisy(sigma0: float) -> ModelSolution:
+    """A model in which nothing is flagged, with so many times the a-priori sigma0."""
+    solution = picture(gross=False).solution
+    assert solution is not None
+    assert not solution.flagged
+    return replace(solution, tested=replace(solution.tested, sigma0=sigma0))
+
+
 @pytest.mark.parametrize(
     ("action", "situation", "meaning"),
     [
@@ -136,6 +145,13 @@ def test_what_a_key_means(action: str, situation: Situation, meaning: object) ->
     ("action", "situation", "then", "words"),
     [
         ("accept", now(), Accept(), "1 row is still flagged in model 102 / 103. Accept it?"),
+        (
+            "accept",
+            now(snapshot=replace(picture(gross=False), solution=noisy(13.0))),
+            Accept(),
+            "Nothing is flagged in model 102 / 103, but sigma0 is 13 times its a-priori value. "
+            "Accept it?",
+        ),
         ("hand", now(), Toggle("hand"), "Take the simulated hand away?"),
         (
             "accept",

@@ -227,6 +227,8 @@ def test_errors_that_hide_behind_an_estimated_sigma_are_not_called_good():
     assert not model.flagged
     (sentence,) = diagnose(model).advice
     assert "times its a-priori value" in sentence
+    assert model.unexplained in sentence
+    assert orient(ideal_pair("13/5"), PAPER, TAU).unexplained == ""
 
 
 def test_with_one_redundancy_rounding_does_not_say_what_is_advised():

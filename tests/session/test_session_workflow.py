@@ -7,10 +7,11 @@ from dataclasses import replace
 import pytest
 from sessionscene import Scene
 
-from anaplot.photogrammetry.block import Strip
+from anaplot.photogrammetry.block import Strip, TestSettings
 from anaplot.session.events import ModelAccepted, ModelChosen, RowSwitched, Suspended
 from anaplot.session.state import SessionState, apply, fold, start
 from anaplot.session.workflow import next_model, outlook
+from anaplot.station.blockstatus import standing
 
 
 def measured(scene: Scene, state: SessionState, count: int) -> SessionState:
@@ -197,3 +198,22 @@ def test_strips_follow_one_another(scene: Scene) -> None:
     state = fold(state, [ModelChosen("b", "103", "104", ()), ModelAccepted("103", "104")])
     assert next_model(state) is None
     assert outlook(state).expected == "every model is accepted: the block is finished"
+
+
+def test_what_is_not_explained_is_not_to_be_accepted_first() -> None:
+    scene = Scene(photos=3)
+    # measured ten times worse than stated: a test that estimates sigma0 flags nothing
+    precision = replace(scene.block.precision, image_um=0.3)
+    block = replace(scene.block, precision=precision, test=TestSettings("tau"))
+    state = start(block)
+    found = outlook(scene.whole(apply(state, scene.choice(state, 0))))
+    assert found.solution is not None
+    assert not found.solution.flagged
+    assert [step.kind for step in found.agenda.steps] == ["add", "accept"]
+    assert found.agenda.remark == found.solution.unexplained
+    assert "times its a-priori value" in found.agenda.remark
+    assert found.may_accept
+    assert standing(found.solution, suspected=False) == "look"
+    good = outlook(scene.whole(scene.chosen()))
+    assert [step.kind for step in good.agenda.steps] == ["accept"]
+    assert standing(good.solution, suspected=False) == "accepted"
