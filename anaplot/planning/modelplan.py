@@ -11,6 +11,7 @@ from anaplot.orientation.ownpattern import OwnPattern, PointPattern
 from anaplot.photogrammetry.block import Block, Camera
 
 __all__ = [
+    "EDGE",
     "Candidates",
     "PlannedPosition",
     "plan_positions",
@@ -24,6 +25,9 @@ Candidates = Mapping[str, Mapping[str, tuple[float, float]]]
 """Approximate image coordinates [mm] of known points, by photo and point."""
 
 _NAME = 80  # characters of a photo's name that go into the names of its points
+EDGE = 3.0
+"""Millimetres at the edge of a photo where nothing is asked for."""
+_FEWEST_TIES = 3
 _TWIN = (4.0, 4.0)  # mm between the two points of a doubled position
 
 
@@ -82,6 +86,8 @@ def plan_positions(
     near = 0.45 * min(abs(base), d)
     taken: dict[str, PlannedPosition] = {}
     known = {name: xy for name, xy in preceding.items() if not common or name in common}
+    if not common:
+        known = _seen_by_both(known, base, block.camera_of(right))
     for label, name in ties_among(known, pattern, wanted, d).items():
         xl, yl = known[name]
         # where a point is marked counts more than where it was measured: that may have been wrong
@@ -106,6 +112,20 @@ def plan_positions(
     positions = [taken[label] for label in pattern.labels if label in taken]
     # ties first also where some are missing: they bring the scale
     return tuple(sorted(positions, key=lambda p: p.point not in preceding))
+
+
+def _seen_by_both(
+    known: dict[str, tuple[float, float]], base: float, camera: Camera
+) -> dict[str, tuple[float, float]]:
+    """Return the points that the right photo has as well, as far as the base tells.
+
+    All where too few are left: the base may be another than it is taken for.
+    """
+    if camera.format is None:
+        return known
+    reach = camera.reach()[0] - EDGE
+    inside = {name: (x, y) for name, (x, y) in known.items() if abs(x - base) <= reach}
+    return inside if len(inside) >= _FEWEST_TIES else known
 
 
 def predicted_right(

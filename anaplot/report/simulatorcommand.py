@@ -155,6 +155,13 @@ def run_simulator(
     with server:
         for link, address in server.ports.items():
             tell(f"SIMULATED  {profile.id}  {link}={address}")
+        speed = profile.simulate.speed * time_scale
+        limits = [axis.fastest for axis in profile.axes.values() if axis.fastest is not None]
+        if limits and speed > min(limits):
+            tell(
+                f"SIMULATED  --time-scale {time_scale:g} moves axes at {speed:g} mm/s: what minds "
+                f"the profile's fastest = {min(limits):g} takes that for counters that jumped"
+            )
         if control is not None:
             tell(f"SIMULATED  {_HELP}")
             threading.Thread(

@@ -19,6 +19,7 @@ from anaplot.errors import NotComputableError
 from anaplot.orientation.stripgeometry import Located, Pose, StripGeometry, widened
 from anaplot.orientation.striptie import Placed, StripTie, System
 from anaplot.photogrammetry.block import Block
+from anaplot.planning.modelplan import EDGE
 from anaplot.session.elsewhere import NOTHING_ELSEWHERE, Elsewhere, consecutive, elsewhere, ground
 from anaplot.session.events import PlannedPoint, Role
 from anaplot.session.models import geometry_of
@@ -53,7 +54,6 @@ RECENT = 12
 """Models of the strip in work whose points tie it."""
 
 _LATERAL = 3  # lateral ties that every model adds
-_EDGE = 3.0  # mm at the edge of a photo where nothing is offered
 _UNCERTAIN = 8.0  # mm: who drives there has to search a circle of this standard deviation at most
 _STRAYED = 24.0  # chi-square of 3 degrees of freedom that chance exceeds once in 40 000
 # what is not known of a right photo before it is measured: base and inclination
@@ -450,7 +450,7 @@ class _InWork:
             if camera.format is None:
                 # what is believed of a coordinate is no edge
                 reach_x = reach_y = camera.c
-            if abs(x) > reach_x - _EDGE or abs(y) > reach_y - _EDGE:
+            if abs(x) > reach_x - EDGE or abs(y) > reach_y - EDGE:
                 return False
         return True
 

@@ -88,6 +88,21 @@ def test_points_of_the_preceding_model_come_first_and_keep_their_names(sign: flo
         assert (p.xl, p.yl) == before[p.point]
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_no_tie_is_planned_where_the_right_photo_does_not_reach(sign: float) -> None:
+    # the one nearest to its place, of a doubled position whose other point is off
+    before = {"a": (2.0, 98.0), "b": (0.0, 0.0), "c": (-1.0, -97.0), "out": (-34.7, -80.0)}
+    before = {name: (sign * x, y) for name, (x, y) in before.items()}
+    found = names(plan(sign * 92.0, before, photos=("102", "103")))
+    assert found[:3] == ["a", "b", "c"]
+    assert "out" not in found
+    # without a format nobody knows, and where too few are left the base may be another
+    endless = Camera("c", 152.0)
+    assert "out" in names(plan(sign * 92.0, before, photos=("102", "103"), camera=endless))
+    del before["b"]
+    assert "out" in names(plan(sign * 92.0, before, photos=("102", "103")))
+
+
 def test_no_new_point_gets_the_name_of_another() -> None:
     before = {p.point: (p.xr, p.yr) for p in plan()}
     # the first of a doubled position was switched off: its twin serves in its place

@@ -38,6 +38,34 @@ def test_a_drive_takes_its_time_and_ends_in_position(simulated):
     assert readings == [InPosition(Position(60.0, 30.0, -15.0, 0.0))]
 
 
+def test_a_hand_moves_no_faster_than_the_profile_says():
+    profile = load_profile("anaplot-ascii")
+    fastest = min(axis.fastest for axis in profile.axes.values())
+    # tilts: the right plate is 17 mm away from where it is driven to
+    far = {"1": {"7": (10.0, 20.0)}, "2": {"7": (-65.0, 3.0)}}
+    settled = []
+    plotter = SimulatedPlotter(profile, far, on_settled=settled.append)
+    plotter.lay("1", "2")
+    decoder = Decoder(profile)
+    plotter.receive(decoder.drive_command(Position(10.0, 20.0, -82.0, 20.0)))
+    before, tick = plotter.positions(), 0.02
+    while not settled:
+        plotter.step(tick)
+        now = plotter.positions()
+        assert difference(now, before) <= fastest * tick
+        before = now
+    assert settled[0].point == "7"
+    assert difference(settled[0].position, Position(10.0, 20.0, -65.0, 3.0)) < 0.05
+    # a new drive while the hand is under way ends that
+    plotter.receive(decoder.drive_command(Position(10.0, 20.0, -82.0, 20.0)))
+    plotter.step(profile.simulate.speed / 60.0 * 0.29 + Hand().settle_time + 0.1)
+    plotter.receive(decoder.drive_command(Position(0.0, 0.0, 0.0, 0.0)))
+    plotter.set_hand(Hand(follow=False))
+    plotter.step(20.0)
+    assert difference(plotter.positions(), Position(0.0, 0.0, 0.0, 0.0)) < 1e-9
+    assert len(settled) == 1
+
+
 def test_stop_holds_the_carriages_and_ends_nothing(simulated):
     plotter = SimulatedPlotter(simulated, {}, hand=Hand(follow=False))
     decoder = Decoder(simulated)

@@ -13,6 +13,8 @@ from anaplot.plotter.schema import Profile
 
 __all__ = ["Carriages"]
 
+_AT_ONCE = 5.0  # mm that a hand moves between two read-outs
+
 
 @dataclass(frozen=True, slots=True)
 class _Motion:
@@ -78,6 +80,18 @@ class Carriages:
         seconds = distance / self._profile.simulate.speed
         self._motion = _Motion(self._axes, target, now, now + seconds)
         return seconds
+
+    def by_hand(self, position: Position, now: float) -> float:
+        """Move to a position [mm] as a hand does; returns how long that takes [s].
+
+        At once, but for ways that would be taken for a jump where axes have a `fastest`.
+        """
+        target = self._clamped(self._stage.to_axes(self._stage.plates(position)))
+        way = max(abs(b - a) for a, b in zip(self._axes, target, strict=True))
+        if way <= _AT_ONCE or all(axis.fastest is None for axis in self._profile.axes.values()):
+            self._put(target)
+            return 0.0
+        return self.begin(target, now)
 
     def arrive(self) -> None:
         """End a drive at its target."""

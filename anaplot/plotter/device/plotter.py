@@ -10,7 +10,14 @@ import threading
 from collections.abc import Callable, Mapping
 
 from anaplot.aliases import Side
-from anaplot.plotter.device.hand import Hand, HandSettled, Observer, Offsets, Photographs
+from anaplot.plotter.device.hand import (
+    Hand,
+    HandSettled,
+    Observer,
+    Offsets,
+    Photographs,
+    Pointing,
+)
 from anaplot.plotter.device.machine import Machine
 from anaplot.plotter.device.motion import Carriages
 from anaplot.plotter.device.outgoing import Outgoing
@@ -401,7 +408,16 @@ class SimulatedPlotter:
         if found is None:
             self._settled.append(HandSettled(None, here, 0, machine.drives))
             return
-        carriages.put(found.place)
+        seconds = carriages.by_hand(found.place, machine.now)
+        if seconds:
+            machine.unless_disturbed(seconds, lambda: self._set(found, unnoticed=unnoticed))
+        else:
+            self._set(found, unnoticed=unnoticed)
+
+    def _set(self, found: Pointing, *, unnoticed: bool) -> None:
+        """End setting the mark: tell, and press the pedal where the hand does."""
+        machine, carriages = self._machine, self._carriages
+        carriages.arrive()
         there = carriages.stand(machine.now)
         self._settled.append(HandSettled(found.point, there, found.times, machine.drives))
         if self._hand.auto_pedal and not unnoticed:
