@@ -258,8 +258,11 @@ def answer(command: Command, snapshot: Snapshot) -> str:
 def aimed(now: Situation, key: str) -> str:
     """Return what a key does on the overview's model, or "" when it goes to none that is done."""
     model = now.aim
-    if model is None:
-        return ""
+    if model is None or (
+        (advised := now.snapshot.returning) is not None
+        and ((advised.left, advised.right) == (model.left, model.right))
+    ):
+        return ""  # NOW says so anyway
     if model.state == "in work":
         return f"to the table of model {model.name}: {key}"
     match _gone_to(model, now.snapshot):
@@ -277,7 +280,8 @@ def _gone_to(model: ModelStatus, snapshot: Snapshot) -> Intent:
         return _returned_to(model, snapshot)
     if snapshot.left and not snapshot.finished:
         work = f"{snapshot.left}/{snapshot.right}"
-        return Say("hint", f"model {model.name} comes after model {work}, which is in work")
+        say = f"model {model.name} comes after model {work}, which is in work: "
+        return Say("hint", say + "accept that first, or take its points back")
     models = () if snapshot.status is None else snapshot.status.models
     following = next((m for m in models if (m.left, m.right) not in snapshot.accepted), None)
     if following is None or following.name == model.name:

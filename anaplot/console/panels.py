@@ -307,7 +307,7 @@ class ExpectedLine(LinesWidget):
         `text`: what is to be done, with its keys. `longest`: what it would be on another row.
         """
         head: Part = (" NOW ", "bold reverse $text-accent")
-        if snapshot.finished:
+        if snapshot.finished and snapshot.returning is None:
             head = (" DONE ", "bold reverse $text-success")
         elif snapshot.suspended:
             head = (" SUSPENDED ", "bold reverse $text-warning")

@@ -39,6 +39,7 @@ LEAST_PARALLAX = 1e-6
 """Mean x-parallax, as a share of the camera constant, below which it gives no base."""
 
 _EVERY_PAIR_UP_TO = 10  # points of a model in which an interchange can turn the orientation round
+_SAYS_TURNED = 3  # redundancy from which the base does not lie across x by points alone
 _DUST_UM = 1e-6  # a parallax below this is rounding, whatever it is divided by
 _UNCHANGED = np.eye(7)
 _EVERY_Y: repeat[Axis] = repeat("y")
@@ -105,7 +106,7 @@ def orient(pair: Stereopair, precision: Precision, test: TestSettings) -> ModelS
     if found is None:
         raise _hopeless(pair, precision, (), _not_found_error(pair, conditions, bx))
     if not found.along:
-        raise _hopeless(pair, precision, (), _turned_error(pair))
+        raise _hopeless(pair, precision, (), _turned_error(pair, conditions))
     solution = found.solution
     state = solution.state
     unknowns = UNKNOWNS[1:] if conditions.first else UNKNOWNS
@@ -279,7 +280,12 @@ def _line_hint(pair: Stereopair) -> str:
     return ""
 
 
-def _turned_error(pair: Stereopair) -> NotComputableError:
+def _turned_error(pair: Stereopair, conditions: ConditionEquations) -> NotComputableError:
+    if conditions.row_count < len(UNKNOWNS) - conditions.first + _SAYS_TURNED:
+        return TooFewError(
+            f"model {pair.name}: with {_points(len(pair.points))} the base lies across x: more of "
+            "them tell whether the images are turned"
+        )
     return NotComputableError(
         f"model {pair.name}: the base lies across x; the images are turned: x must run along the "
         "flight, turn them by 90 degrees"

@@ -8,7 +8,7 @@ from flightscene import PAPER, TAU, bridge_flight, fly, pair_of, project
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from anaplot.errors import NotComputableError
+from anaplot.errors import NotComputableError, TooFewError
 from anaplot.orientation import solver
 from anaplot.orientation.conditionequations import ConditionEquations
 from anaplot.orientation.diagnosis import diagnose
@@ -98,6 +98,18 @@ def test_images_turned_by_ninety_degrees(seed, sense):
     turned = [{p: (-sense * y, sense * x) for p, (x, y) in image.items()} for image in f.images]
     pair = pair_of(replace(f, images=turned), 0, points=[p for p in f.images[0] if p[0] in "01"])
     refused(pair, "images are turned.*turn them by 90 degrees")
+
+
+def test_few_points_do_not_say_that_images_are_turned():
+    f = flight()
+    turned = [{p: (-y, x) for p, (x, y) in image.items()} for image in f.images]
+    for count in range(5, 10):
+        points = [p for p in f.images[0] if p[0] in "01"][:count]
+        pair = pair_of(replace(f, images=turned), 0, points=points)
+        if count < 8:
+            refused(pair, "the base lies across x: more of them tell", TooFewError)
+        else:
+            refused(pair, "turn them by 90 degrees")
 
 
 def test_one_image_alone_turned_is_a_large_kappa():
