@@ -14,7 +14,7 @@ from anaplot.session.state import SessionState
 
 __all__ = ["Recomputed", "recomputed_models"]
 
-_ANY = 1e-6  # um; below it a residual is the same
+_ANY = 0.05  # um; below it a residual reads the same
 
 
 @dataclass(frozen=True, slots=True)

@@ -94,6 +94,29 @@ def test_parts_are_those_of_the_sets(block: Block) -> None:
     assert page.plan.effect is not None
 
 
+def test_the_worst_direction_in_plan_is_that_of_the_longest_error(block: Block) -> None:
+    control = tuple(replace(row, sigma=(0.01, 0.04, 0.03)) for row in block.control)
+    adjusted = adjust_block(replace(block, control=control))
+    page = control_pages(adjusted)[0]
+    rows = [row for row in adjusted.control_rows() if row.key[1] == page.point][:2]
+    keys = tuple(row.key for row in rows)
+    sets = [
+        ErrorSet(f"{k}", keys, (float(np.cos(u)), float(np.sin(u))))
+        for k, u in enumerate(np.linspace(0.0, np.pi, 721))
+    ]
+    (free,) = error_set_tests(adjusted, [ErrorSet("plan", keys)])
+    longest = 0.0
+    for found in error_set_tests(adjusted, sets):
+        # along a direction by itself, at the noncentrality of both coordinates together
+        root = np.sqrt(free.noncentrality / found.noncentrality)
+        longest = max(longest, root * float(np.hypot(*[one.worst for one in found.errors])))
+    assert page.plan is not None
+    assert page.plan.detectable == pytest.approx(longest, rel=1e-4)
+    assert page.plan.detectable > max(row.mdb or 0.0 for row in rows)
+    # in standard deviations another direction is the worst
+    assert longest > 1.05 * float(np.hypot(*[one.worst for one in free.errors]))
+
+
 def test_a_wrong_point_is_looked_at_and_weak_ones_are_named(block: Block) -> None:
     first = block.control[0]
     x, y, z = first.xyz

@@ -403,6 +403,15 @@ def test_the_odd_epoch_is_found() -> None:
         best = max(tested.against, key=lambda each: each.verdict.decisive.statistic)
         assert best.epoch == odd
         assert best.verdict.rejected
+    # a movement that is found by a hair: the others have fewer conditions, and their own limit
+    series = compare_series((one, two, three), points=("p7", "p8", "p13"))
+    whole = series_tests(series).everything.decisive
+    hair = np.sqrt(1.05 * whole.critical / whole.statistic)
+    tested = series_tests(replace(series, d=hair * series.d))
+    assert tested.everything.rejected
+    limit = tested.everything.decisive.critical * tested.everything.decisive.dimension
+    assert any(each.rest < limit and not each.explains for each in tested.against)
+    assert [each.epoch for each in tested.against if each.explains] == [3]
     # two against two: none of them is
     halves = series_tests(compare_series((one, two, three, four_th), points=("p7", "p8", "p13")))
     assert halves.everything.rejected

@@ -94,8 +94,11 @@ def against_all(
             square = min(_drop(information, gradient, into, away), total)
         except DependentConditionsError:
             continue
-        rest = total - square
-        explains = limit is not None and total > limit >= rest
+        rest, left = total - square, len(live) - len(into)
+        explains = limit is not None and total > limit
+        if explains and left:
+            # by as many conditions as the others have among themselves
+            explains = not test.variance.test(rest, left, alpha).rejected
         verdict = test.variance.test(square, len(into), each)
         out.append(AgainstAll(epoch + 1, points, verdict, rest, explains))
     return tuple(out)

@@ -188,7 +188,7 @@ def control_pages(block: AdjustedBlock) -> tuple[ControlPage, ...]:
         if one.use:
             mine.setdefault(str(one.key[1]), {})[str(one.key[2])] = one.key
     sets = {
-        (point, part): ErrorSet(f"{point} {part}", names)
+        (point, part): ErrorSet(f"{point} {part}", names, by_length=True)
         for point, by_axis in mine.items()
         for part, axes in (("plan", "XY"), ("height", "Z"), ("all", _AXES))
         if (names := tuple(by_axis[axis] for axis in axes if axis in by_axis))

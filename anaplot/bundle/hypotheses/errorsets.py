@@ -59,11 +59,15 @@ class ErrorSet(NamedTuple):
     shares
         How their errors are related, in the units of the observations: c_p of eq. 14 up to a
         factor; None where they are free.
+    by_length
+        Whether the worst direction is that of the longest detectable error in the unit that they
+        share, rather than in their standard deviations; only where they are free.
     """
 
     name: str
     observations: tuple[ObservationName, ...]
     shares: tuple[float, ...] | None = None
+    by_length: bool = False
 
 
 class ErrorInSet(NamedTuple):
@@ -110,6 +114,13 @@ class SetStatistic(NamedTuple):
     def square(self) -> float:
         """T, for the a-priori sigma0."""
         return float((self.parts**2 / self.values).sum())
+
+    @property
+    def worst(self) -> Array:
+        """(k,) the error of noncentrality 1 that is largest, in standard deviations."""
+        # eigenvalues ascend: the first that is checked at all
+        out: Array = self.axes[:, 0] / np.sqrt(self.values[0])
+        return out
 
     @property
     def estimated(self) -> Array:
@@ -208,7 +219,7 @@ def error_set_tests(block: AdjustedBlock, sets: Sequence[ErrorSet]) -> tuple[Err
         rows = np.array([place[one.observations[k]] for k in kept], dtype=np.intp)
         shares = None if one.shares is None else np.array([one.shares[k] for k in kept])
         # columns of R are kept as long as the set needs them
-        out.append(_tested(block, residuals_of(block), one.name, rows, shares))
+        out.append(_tested(block, residuals_of(block), one, rows, shares))
     return tuple(out)
 
 
@@ -240,6 +251,15 @@ def set_statistic(system: BlockResiduals, rows: Index, shares: Array | None = No
     )
 
 
+def _longest(found: SetStatistic, sigma: Array) -> Array:
+    """(k,) the error of noncentrality 1 that is longest in its unit, in standard deviations."""
+    # e = axes z with z' diag(values) z = 1: the longest sigma e is a singular vector
+    of_unit = sigma[:, None] * found.axes / np.sqrt(found.values)
+    _, _, right = np.linalg.svd(of_unit, full_matrices=False)
+    out: Array = found.axes @ (right[0] / np.sqrt(found.values))
+    return out
+
+
 def _measures(system: BlockResiduals) -> Array:
     """(n,) in what errors of rows are measured, in their standard deviations."""
     out = np.ones(len(system.e))
@@ -253,8 +273,9 @@ def _measures(system: BlockResiduals) -> Array:
 
 
 def _tested(
-    block: AdjustedBlock, system: BlockResiduals, name: str, rows: Index, shares: Array | None
+    block: AdjustedBlock, system: BlockResiduals, one: ErrorSet, rows: Index, shares: Array | None
 ) -> ErrorSetTest:
+    name = one.name
     test, sigma = block.problem.test, system.sigma[rows]
     if shares is not None and not 0.0 < np.linalg.norm(shares / sigma) < np.inf:
         raise InputError(f"set {name}: its shares are all zero")
@@ -272,9 +293,8 @@ def _tested(
         lambda0 = f_noncentrality(test.alpha, test.power, b, degrees)
         single = noncentrality(test.alpha, test.power) ** 2
         power = f_power(single, test.alpha, b, degrees)
-        # eigenvalues ascend: the first that is checked at all
-        length = float(np.sqrt(lambda0 / found.values[0]))
-        error = found.axes[:, 0] * length
+        error = np.sqrt(lambda0) * (_longest(found, sigma) if one.by_length else found.worst)
+        length = float(np.linalg.norm(error / _measures(system)[rows]))
         error *= np.sign(error[np.argmax(np.abs(error))])
         worst = (error * sigma).tolist()
         moved = _moved(block, system, rows, error)
