@@ -30,6 +30,7 @@ from anaplot.photogrammetry.pointcolumns import Coded
 
 __all__ = [
     "SIZES",
+    "WEAK",
     "AddedPoint",
     "ExtraPoint",
     "Measured",
@@ -43,7 +44,9 @@ __all__ = [
 SIZES = (1, 2, 4)
 """Numbers of points that are put in together."""
 
-_WEAK = 0.85  # of the median photo's mean redundancy number
+WEAK = 0.85
+"""Of the median photo's mean redundancy number: below it a photo is weak beside the others."""
+
 _GRID = (-0.4, -0.2, 0.0, 0.2, 0.4)  # of the format: candidates
 _APART = 0.025  # of the format: nearer to a measured point nothing new is measured
 _BESIDE = 0.03  # of the format: there the candidate is moved towards the middle
@@ -107,7 +110,7 @@ def weak_ones(block: AdjustedBlock) -> tuple[str, ...]:
     every = np.bincount(photos, counts, len(problem.photos))
     total = np.bincount(photos, block.cofactors.r.ravel(), len(problem.photos))
     mean = total / np.maximum(every, 1.0)
-    limit = _WEAK * float(np.median(mean))
+    limit = WEAK * float(np.median(mean))
     weak = [(round(r, 9), name) for name, r in zip(problem.photos, mean, strict=True) if r < limit]
     return tuple(name for _, name in sorted(weak))
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from anaplot.errors import InputError
-from anaplot.report.commandparser import NewTarget
+from anaplot.report.commandparser import NewPage, NewTarget
 from anaplot.report.keywords import separated
 from anaplot.shares.address import LOCAL, cluster_address
 
@@ -77,7 +77,7 @@ def add_report_page(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--report",
         type=Path,
-        action=NewTarget,
+        action=NewPage,
         metavar="FILE.html",
         help="write the result as one page that stands by itself: verdict, figures, tables",
     )

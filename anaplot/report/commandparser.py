@@ -12,9 +12,11 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from anaplot.errors import InputError
-from anaplot.textfiles.wording import hint, quoted
+from anaplot.textfiles.wording import hint, plain, quoted
 
-__all__ = ["CommandParser", "Commands", "NewTarget", "commands_of"]
+__all__ = ["CommandParser", "Commands", "NewPage", "NewTarget", "commands_of"]
+
+_OTHER_PAGES = (".doc", ".docx", ".odt", ".pdf", ".ps")
 
 _MISSING = "the following arguments are required"  # as argparse begins
 _SOME = {"?": 1, "*": 1, "+": 2}
@@ -62,6 +64,24 @@ class NewTarget(argparse.Action):
         if getattr(namespace, self.dest, None) not in (None, self.default):
             raise argparse.ArgumentError(self, "given twice")
         setattr(namespace, self.dest, values)
+
+
+class NewPage(NewTarget):
+    """A page of HTML that a command writes: no name of something that it is not."""
+
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: Any,
+        option_string: str | None = None,
+    ) -> None:
+        """Keep the path."""
+        if values.suffix.lower() in _OTHER_PAGES:
+            raise argparse.ArgumentError(
+                self, f"{plain(values.name, 60)}: the page is HTML; a browser prints it as PDF"
+            )
+        super().__call__(parser, namespace, values, option_string)
 
 
 class _AddedLater:

@@ -7,6 +7,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -27,6 +28,8 @@ from anaplot.textfiles.wording import plain, quoted
 from anaplot.version import JSON_VERSION, __version__
 
 __all__ = ["OneOfMany", "each"]
+
+_WRITE = ("covariance_to", "posterior", "write_camera")  # keywords of `adjust` that name a new file
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,6 +107,7 @@ def each(
         raise InputError(f"--on: {plain(on, 60)!r}: {error}") from None
     place = place_of(on, processes, executor)
     given = _several(blocks)
+    _check_writes_nothing(compute, options)
     names = [one.name if isinstance(one, Block) else os.fspath(one) for one in given]
     found: dict[int, OneOfMany] = {}
     with contextlib.ExitStack() as stack:
@@ -137,6 +141,20 @@ def each(
         except SharesLostError as error:
             raise said_how_to_go_on(error, to) from error
     return tuple(found[number] for number in range(len(given)))
+
+
+def _check_writes_nothing(compute: Callable[..., Any], options: dict[str, Any]) -> None:
+    """Raise where every block would write the same file over."""
+    called: Any = compute
+    while isinstance(called, partial):
+        called, options = called.func, {**called.keywords, **options}
+    ours = str(getattr(called, "__module__", "")).startswith("anaplot.")
+    for name in _WRITE if ours else ():
+        if options.get(name) is not None:
+            raise InputError(
+                f"{name}: every block would write {plain(str(options[name]), 60)} over: an option "
+                "that writes a file does not go with several blocks"
+            )
 
 
 def _several(blocks: Iterable[BlockOrFolder]) -> list[BlockOrFolder]:

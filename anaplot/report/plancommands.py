@@ -41,7 +41,7 @@ def _plan_block(options: argparse.Namespace) -> int:
     def report(found: Computed[Any]) -> Report:
         from anaplot.report.html.pages.planpage import block_plan_report
 
-        return block_plan_report(found)
+        return block_plan_report(found, written=options.to is not None)
 
     return run_plan_block(options, report)
 
@@ -52,7 +52,7 @@ def _plan_network(options: argparse.Namespace) -> int:
     def report(found: Computed[Any]) -> Report:
         from anaplot.report.html.pages.planpage import network_plan_report
 
-        return network_plan_report(found)
+        return network_plan_report(found, written=options.to is not None)
 
     return run_plan_network(options, report)
 

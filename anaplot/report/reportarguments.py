@@ -8,7 +8,7 @@ from pathlib import Path
 
 from anaplot.report.adjustarguments import add_adjust_arguments
 from anaplot.report.arguments import whole
-from anaplot.report.commandparser import Commands, NewTarget
+from anaplot.report.commandparser import Commands, NewPage, NewTarget
 
 __all__ = ["add_page_arguments", "add_report_arguments", "add_report_command"]
 
@@ -44,7 +44,7 @@ def add_report_arguments(parser: argparse.ArgumentParser) -> None:
         "-o",
         "--output",
         type=Path,
-        action=NewTarget,
+        action=NewPage,
         required=True,
         metavar="FILE.html",
         help="the page",

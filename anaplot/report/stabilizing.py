@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import groupby
 
-from anaplot.planning.stabilizing import AddedPoint, StabilizingSet
+from anaplot.planning.stabilizing import WEAK, AddedPoint, StabilizingSet
 from anaplot.report.columns import counted
 from anaplot.report.document import Answer, Block, Line, Listed, say
 
@@ -43,7 +43,10 @@ def stabilizing_lines(
     """
     page: list[Block] = []
     if added is not None:
-        page.append(say("{} planned beside the standard ones", counted(len(added), "point")))
+        none = "" if added else f": no photo's mean r is below {WEAK:g} of the median photo's"
+        page.append(
+            say("{} planned beside the standard ones{}", counted(len(added), "point"), none)
+        )
     if sets:
         page.append(say("what would help most, at (x, y) in the photo [mm]:"))
         lines = [

@@ -152,6 +152,19 @@ def test_what_a_block_cannot_help_is_its_own_error(blocks: list[anaplot.Block]) 
         anaplot.each(odd, blocks, processes=1, errors={"b1": ArithmeticError("a fault")})  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize("option", ["covariance_to", "posterior", "write_camera"])
+@pytest.mark.parametrize("kept", [False, True])
+def test_no_block_writes_over_what_another_has_written(
+    tmp_path: Path, blocks: list[anaplot.Block], option: str, kept: bool
+) -> None:
+    written = {option: str(tmp_path / "one.npz")}
+    to = tmp_path / "kept.jsonl" if kept else None
+    for compute, options in ((anaplot.adjust, written), (partial(anaplot.adjust, **written), {})):
+        with pytest.raises(InputError, match=f"^{option}: every block would write .* over"):
+            anaplot.each(compute, blocks[:2], processes=1, to=to, **options)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_functions_in_part_are_kept_by_what_they_are_given(
     tmp_path: Path, blocks: list[anaplot.Block]
 ) -> None:

@@ -371,3 +371,14 @@ def test_long_tables_are_cut_and_stand_whole_beside_the_page(
     assert len(whole.splitlines()) == 161
     assert '<span class="unit">[gon]</span>' in text
     assert "[deg]" not in text
+
+
+@pytest.mark.parametrize("name", ["block.pdf", "BLOCK.PDF", "page.docx"])
+def test_a_page_is_not_called_what_it_is_not(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    for words in (["report", "b", "-o"], ["plan", "block", "--report"]):
+        assert main([*words, str(tmp_path / name)]) == 2
+        [line] = capsys.readouterr().err.splitlines()
+        assert f"{name}: the page is HTML; a browser prints it as PDF" in line
+    assert list(tmp_path.iterdir()) == []

@@ -8,6 +8,7 @@ from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.rulesofthumb import LEAST_RI, rules_of_thumb
 from anaplot.drawing.drawing import Drawing
 from anaplot.planning.blockplan import expected_accuracy, weak_photos
+from anaplot.planning.stabilizing import weak_ones
 from anaplot.report.columns import counted
 from anaplot.report.computed import Computed
 from anaplot.report.document import Block, Document, Figure, Line, Table, named, say
@@ -27,18 +28,23 @@ __all__ = ["block_plan_report", "network_plan_report"]
 _FEW = 5
 
 
-def block_plan_report(found: Computed[PlannedBlock]) -> Report:
-    """Return the report of a planned block, as `planned_block` has returned it."""
+def block_plan_report(found: Computed[PlannedBlock], *, written: bool = False) -> Report:
+    """Return the report of a planned block, as `planned_block` has returned it.
+
+    `written`: whether the plan is written as a block.
+    """
     result = found.result
     stronger = result.stabilizing
+    fly = "Next: fly it" if written else "Next: write the plan as a block (--to FOLDER), and fly it"
     if stronger:
         following = say("Next: points in the photo {} and others would help most, see below",
                         stronger[0].photo)  # fmt: skip
     elif result.added is not None:
-        following = say("Next: write the plan as a block (--to FOLDER), and fly it")
+        following = say(fly)
+    elif weak_ones(result.block):  # they were not asked for
+        following = say(fly + "; --stabilize 1 plans points more where photos are weak")
     else:
-        following = say("Next: write the plan as a block (--to FOLDER); --stabilize 1 plans points "
-                        "more where photos are weak")  # fmt: skip
+        following = say(fly + "; no photo is weak beside the others")
     return Report(
         say("Planned block"),
         (*_verdict(result.block), following),
@@ -46,11 +52,15 @@ def block_plan_report(found: Computed[PlannedBlock]) -> Report:
     )
 
 
-def network_plan_report(found: Computed[PlannedNetwork]) -> Report:
-    """Return the report of a planned network, as `planned_network` has returned it."""
+def network_plan_report(found: Computed[PlannedNetwork], *, written: bool = False) -> Report:
+    """Return the report of a planned network, as `planned_network` has returned it.
+
+    `written`: whether the plan is written as a block.
+    """
     result = found.result
     lost = result.reliability.not_determined
-    following = say("Next: write the plan as a block (--to FOLDER), and measure it")
+    following = say("Next: measure it" if written else
+                    "Next: write the plan as a block (--to FOLDER), and measure it")  # fmt: skip
     if lost:
         following = say("Next: more stations for {}: {}",
                         counted(len(lost), "point that is not determined",
