@@ -32,6 +32,7 @@ from anaplot.bundle.start.halfrays import (
     unchecked,
     without_doubtful,
 )
+from anaplot.bundle.start.lockedangles import locked_angles
 from anaplot.bundle.start.parallelrays import with_meeting, without_parallel
 from anaplot.bundle.start.pull import TORN
 from anaplot.bundle.start.robustsuspects import robust_suspects
@@ -390,6 +391,9 @@ def _warnings(
     out = []
     out += _behind(problem, linear.depth <= 0.0)
     out += stated_remarks(problem, found.state)
+    locked = locked_angles(problem)
+    if locked is not None:
+        out.append(locked)
     if problem.redundancy == 0:
         out.append("no redundancy: nothing is checked")
     torn = sigma0 is not None and sigma0 > TORN

@@ -16,6 +16,7 @@ from anaplot.bundle.solve.normal import NormalEquations, PointError
 from anaplot.bundle.solve.openmovement import held_by_noise, undetermined
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.structure import Structure
+from anaplot.bundle.start.lockedangles import locked_angles
 from anaplot.bundle.start.robust import FAR, ClearestSolution, clearest_solution, with_fixed
 from anaplot.errors import NotComputableError
 
@@ -73,6 +74,9 @@ def no_minimum_error(
     said.append(
         _fit(problem, linear, "the best state has sigma0" if state is not None else _AGREED)
     )
+    locked = locked_angles(problem)
+    if locked is not None:
+        said.append(locked)
     if open_part is not None:
         said.append(f"there {str(open_part).removeprefix(f'block {problem.block.name}: ')}")
     if not worst:
