@@ -43,6 +43,7 @@ def placed(
     *,
     gap: float = 7.0,
     obstacles: Array | None = None,
+    boxes: Array | None = None,
     most: int = 80,
     far: bool = False,
     towards: Array | None = None,
@@ -61,6 +62,8 @@ def placed(
         Between point and label.
     obstacles
         (k, 2) places of marks that are not to be covered, besides `at`.
+    boxes
+        (m, 4) what else is not to be covered, other labels: left, upper, right and lower sides.
     most
         How many labels are tried.
     far
@@ -70,6 +73,8 @@ def placed(
     """
     marks = at if obstacles is None else np.vstack((at, obstacles))
     taken = np.hstack((marks - _MARK, marks + _MARK))
+    if boxes is not None:
+        taken = np.vstack((taken, boxes))
     low_side = np.array([frame.left + 2.0, frame.top + 2.0])
     high_side = np.array([frame.right - 2.0, frame.bottom - 2.0])
     found: list[Placed] = []

@@ -15,7 +15,7 @@ from anaplot.drawing.frame import WIDTH, Frame
 from anaplot.drawing.labels import placed
 from anaplot.drawing.legend import Entry, legend
 from anaplot.drawing.pathdata import Shape
-from anaplot.drawing.textwidth import SMALL, folded, text_width
+from anaplot.drawing.textwidth import SMALL, characters_within, folded, text_width
 from anaplot.drawing.ticks import Ticks, ticks, written
 from anaplot.textfiles.wording import plain
 
@@ -24,6 +24,7 @@ __all__ = ["Head", "Plot", "drawn"]
 _SIDE = 16.0  # blank at left and right of titles and notes
 _LINE = 16.5
 _LONGEST_TITLE = 68
+_TITLE = 15.0  # size of a title, as its style has it
 _ROOM_OF_NUMBER = 62.0  # at the left of a frame
 _BETWEEN = 14.0  # between two numbers of an axis
 _LONGEST_NAME = 14  # characters of names beside points
@@ -61,7 +62,8 @@ class Head:
     def svg(self) -> Svg:
         """The title and the remark."""
         lines = (text(_SIDE, 44.0 + _LINE * k, line, "t-soft") for k, line in enumerate(self.lines))
-        return joined(text(_SIDE, 25.0, self.title, "t-title", most=_LONGEST_TITLE), *lines)
+        most = characters_within(self.title, WIDTH - 2.0 * _SIDE, _TITLE, _LONGEST_TITLE)
+        return joined(text(_SIDE, 25.0, self.title, "t-title", most=most), *lines)
 
 
 def drawn(
@@ -132,6 +134,7 @@ class Plot:
         self._layers: list[Svg] = []
         self._entries: list[Entry] = []
         self._notes: list[str] = []
+        self._named = np.zeros((0, 4))  # boxes of the names that were added
         self._below = frame.bottom
 
     def add(self, svg: Svg) -> None:
@@ -267,18 +270,25 @@ class Plot:
         gap: float = 7.0,
         most: int = 80,
     ) -> list[int]:
-        """Add names beside (n, 2) numbers where there is room, and return which did not find it."""
+        """Add names beside (n, 2) numbers where there is room, and return which did not find it.
+
+        None of them covers a name that was added before.
+        """
         shown = [shortened(name, _LONGEST_NAME) for name in names[:most]]
         if not shown:
             return []
         sizes = np.array([[text_width(name, SMALL), 0.8 * SMALL] for name in shown])
         others = None if obstacles is None else self.frame.places(obstacles)
         at = self.frame.places(at[:most])
-        found = placed(self.frame, at, sizes, gap=gap, obstacles=others, most=most)
+        found = placed(
+            self.frame, at, sizes, gap=gap, obstacles=others, boxes=self._named, most=most
+        )
         whole = f"t-small t-halo {classes}".strip()
         for label in found:
             y = label.y + 0.8 * SMALL
             self.add(text(label.x, y, names[label.which], whole, most=_LONGEST_NAME))
+            box = [label.x, label.y, *(sizes[label.which] + (label.x, label.y))]
+            self._named = np.vstack((self._named, box))
         room = {label.which for label in found}
         return [k for k in range(len(names)) if k not in room]
 

@@ -7,7 +7,7 @@ from functools import lru_cache
 
 from anaplot.drawing.element import shortened
 
-__all__ = ["SMALL", "TEXT", "TINY", "folded", "text_width"]
+__all__ = ["SMALL", "TEXT", "TINY", "characters_within", "folded", "text_width"]
 
 TEXT, SMALL, TINY = 12.5, 11.0, 9.5
 """Sizes of texts in units of the drawing: of most, of numbers and names, and the smallest."""
@@ -37,6 +37,14 @@ def _of(character: str) -> float:
 def text_width(text: str, size: float = TEXT) -> float:
     """Return the width of a text set in a size, rather too much than too little."""
     return size * sum(map(_of, text)) * _BROADEST
+
+
+def characters_within(text: str, width: float, size: float, most: int) -> int:
+    """Return to how many characters, at most so many, a text is `shortened` to be no wider."""
+    count = most
+    while count > 1 and text_width(shortened(text, count), size) > width:
+        count -= 1
+    return count
 
 
 def folded(text: str, width: float, size: float = TEXT) -> list[str]:

@@ -285,6 +285,34 @@ def test_names_of_a_matrix_stand_beside_its_cells(n: int, name: str) -> None:
         assert low_x >= 0.0
 
 
+def test_no_name_covers_one_that_was_added_before() -> None:
+    at = np.array([[x, y] for x in (0.0, 1.0, 2.0) for y in (0.0, 1.0)])
+    plot = Plot(HEAD, equal_frame(HEAD.bottom, np.array([[-0.5, -0.5], [2.5, 1.5]])))
+    assert plot.names(at, [f"point {k}" for k in range(6)]) == []
+    # photos over the same places, as over a standard point
+    assert plot.names(at, [f"photo {k}" for k in range(6)], "t-soft", gap=4.0) == []
+    root = sound(plot.drawing("12 names"))
+    named = zip(boxes(root), texts(root), strict=True)
+    found = [box for box, shown in named if shown.startswith(("point", "photo"))]
+    assert len(found) == 12
+    for k, (left, upper, right, lower) in enumerate(found):
+        for other in found[k + 1 :]:
+            beside = right <= other[0] or other[2] <= left
+            assert beside or lower <= other[1] + 3.0 or other[3] <= upper + 3.0
+
+
+@pytest.mark.parametrize("name", ["P" * 90, "i" * 90, "m" * 20, "short"])
+def test_a_title_stays_in_its_drawing(name: str) -> None:
+    head = Head("one", f"Residuals of photo {name}", "")
+    plot = Plot(head, equal_frame(head.bottom, np.array([[0.0, 0.0], [2.0, 1.0]])))
+    root = sound(plot.drawing("1 photo"))
+    [(box, shown)] = [
+        found for found in zip(boxes(root), texts(root), strict=True) if "Residuals" in found[1]
+    ]
+    assert box[2] <= 640.0 - 16.0
+    assert (shown == head.title) == (name == "short" or name.startswith("m"))
+
+
 def test_no_text_of_a_legend_covers_another() -> None:
     entries = [Entry("mark", f"{'wide ' * (k % 5)}entry {k}", "f-ink", "square") for k in range(12)]
     plot = Plot(HEAD, equal_frame(HEAD.bottom, np.array([[0.0, 0.0], [2.0, 1.0]])))
