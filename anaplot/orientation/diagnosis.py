@@ -28,11 +28,12 @@ from anaplot.adjustment.tested import (
 from anaplot.aliases import Array
 from anaplot.orientation.interchange import Interchange, interchange_of
 from anaplot.orientation.residuals import residual_system
-from anaplot.orientation.results import Diagnosis, ModelSolution, Row
+from anaplot.orientation.results import TOO_LARGE, Diagnosis, ModelSolution, Row
 
 __all__ = ["diagnose"]
 
 
+_LEFT = 3  # redundancy that is left where rows are found wrong together
 _TWINS = 0.1  # bases: points no further apart are a doubled point
 
 
@@ -42,12 +43,16 @@ def diagnose(solution: ModelSolution) -> Diagnosis:
     evidence = _evidence(solution)
     suspects = _suspects(solution, evidence)
     interchange = interchange_of(solution)
+    together: tuple[Row, ...] = ()
     if interchange is not None:
         suspects = _of_first(interchange.points, suspects, solution.tested.keys)
+    else:
+        together = _wrong_together(solution, suspects)
+        suspects = *together, *(row for row in suspects if row not in together)
     return Diagnosis(
         transfers=_transfers(solution),
         partners=partners,
-        advice=_advice(solution, evidence, suspects, partners, interchange),
+        advice=_advice(solution, evidence, suspects, partners, interchange, together),
         suspects=suspects,
         interchange=interchange,
         chances=tuple(evidence.chance.values()),
@@ -173,6 +178,31 @@ def _suspects(solution: ModelSolution, evidence: _Evidence) -> tuple[Row, ...]:
     return tuple(sorted(doubted, key=order))
 
 
+def _wrong_together(solution: ModelSolution, suspects: tuple[Row, ...]) -> tuple[Row, ...]:
+    """Return the rows without which all others agree, the largest error first; or none.
+
+    Several errors hide each other behind a sigma0 that they enlarge, and bend good rows until these
+    show most: odds of a single error then name a good one, or nothing is flagged at all. A search
+    with the a-priori sigma0 (strategy "search") finds them, where enough is left that checks.
+    """
+    sigma0 = solution.sigma0_um
+    if sigma0 is None or sigma0 <= TOO_LARGE * solution.apriori_um or solution.outliers:
+        return ()
+    # loaded with the first model that asks for it
+    from anaplot.adjustment.findings import SearchSettings
+    from anaplot.orientation.grosserrors import strategy_findings
+
+    found = strategy_findings(solution, "search", SearchSettings(alpha=solution.test.alpha))
+    left = found.at_end
+    if left.sigma0 is None or left.sigma0 > TOO_LARGE or left.redundancy < _LEFT:
+        return ()
+    order = sorted(found.rows, key=lambda row: -abs(left.w[row]))
+    rows = tuple(solution.tested.keys[row] for row in order)
+    if suspects and len({point for point, _ in rows}) < 2:
+        return ()  # one error is what the odds weigh
+    return rows
+
+
 def _of_first(
     points: tuple[str, str], suspects: tuple[Row, ...], keys: Sequence[Row]
 ) -> tuple[Row, ...]:
@@ -188,6 +218,7 @@ def _advice(
     suspects: tuple[Row, ...],
     partners: tuple[Partner[Row], ...],
     interchange: Interchange | None,
+    together: tuple[Row, ...],
 ) -> tuple[str, ...]:
     out = list(solution.remarks)
     if interchange is not None:
@@ -206,7 +237,11 @@ def _advice(
     suspect, axis = suspects[0]
     others = {name: p for name, p in points.items() if name != suspect}
     why = ""
-    if suspect in solution.outliers:
+    if together:
+        rows = [f"{point} {of}" for point, of in together]
+        named = " and ".join(filter(None, (", ".join(rows[:-1]), rows[-1])))
+        why = f"without {named} all other rows agree"
+    elif suspect in solution.outliers:
         why = "without it all other points agree"
     elif others:
         shows: dict[str, float] = {}
@@ -222,5 +257,6 @@ def _advice(
             f"{suspect} x has two suspects: this pointing, and the tie's coordinates from the "
             "preceding model",
         )
-    out += other_explanations(suspects[0], partners, points, evidence.none)
+    if not together:
+        out += other_explanations(suspects[0], partners, points, evidence.none)
     return tuple(out)

@@ -226,7 +226,7 @@ class Diagnosis:
     suspects
         (point, axis) of flagged rows, the most probable first; under "exact" also of rows that
         are not flagged but may be why others are. Where two points are interchanged, their rows
-        come first.
+        come first; where sigma0 is `TOO_LARGE`, rows without which all others agree.
     interchange
         Two points whose records are exchanged, or None.
     chances, none
