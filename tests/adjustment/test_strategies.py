@@ -19,6 +19,7 @@ from anaplot.adjustment.modelvalues import beyond_model
 from anaplot.adjustment.partners import Proposals
 from anaplot.adjustment.residualsystem import DenseResiduals
 from anaplot.adjustment.reweighting import HUBER_LIMIT, reweight, weighted_misclosures
+from anaplot.adjustment.search import search
 from anaplot.adjustment.significance import critical_normal, critical_tau
 from anaplot.adjustment.stepwise import bring_back, rule_of, step_by_step, stepwise
 from anaplot.adjustment.strategies import STRATEGIES, find_gross_errors, pair_odds, sigma_of
@@ -145,6 +146,19 @@ def test_steps_that_nobody_asks_for_are_not_done() -> None:
     assert state.rows == every.rows
 
 
+def test_what_is_rejected_was_taken_out_also_by_an_exchange() -> None:
+    # the last step of this search exchanges a row for another
+    rows = np.random.default_rng(8).choice(24, 6, replace=False).tolist()
+    found = find_gross_errors(random_system(8, 24, 9, dict.fromkeys(rows, 15.0))[2], "search")
+    *_, swap = found.steps
+    assert swap.action == "swap"
+    came, went = swap.rows
+    assert came in found.rows
+    assert went not in found.rows
+    assert found.taken_out[-1] == came
+    assert set(found.taken_out) == {*found.rows, went}
+
+
 @pytest.mark.parametrize("strategy", STRATEGIES)
 def test_one_large_error_is_found_by_all(strategy: str) -> None:
     for seed in range(10):
@@ -180,6 +194,18 @@ def test_search_is_never_worse_than_stepwise() -> None:
             for found in (find_gross_errors(system, name) for name in ("baarda", "search"))
         ]
         assert score[1] <= score[0] + 1e-6
+
+
+def test_a_set_found_otherwise_begins_a_search_that_alone_finds_nothing() -> None:
+    # two errors hide each other: neither is conspicuous, nor any other row
+    system = random_system(1239, 9, 4, {1: 6.0, 4: -6.0})[2]
+    critical, suspects = critical_normal(0.001), np.ones(9, dtype=bool)
+    assert np.abs(Elimination(system).w).max() < critical
+    best, steps = search(system, critical, suspects, 4, Watch(), (1, 4))
+    assert set(best.rows) == {1, 4}
+    assert best.vtpv + 2.0 * critical**2 < system.vtpv
+    assert steps
+    assert search(system, critical, suspects, 4, Watch())[0].rows == ()
 
 
 def test_spur_row_cannot_be_tested_nor_left_out() -> None:

@@ -45,6 +45,13 @@ def heights_only(block, name, *, sigma=0.02, value=None):
     return replace(block, control=(*(c for c in block.control if c.point != name), row))
 
 
+def rescaled(block, k):
+    """State every a-priori standard deviation k times as large."""
+    control = (replace(c, sigma=tuple(s and k * s for s in c.sigma)) for c in block.control)
+    precision = replace(block.precision, image_um=k * block.precision.image_um)
+    return replace(block, precision=precision, control=tuple(control))
+
+
 def stable_names():
     return ("p1", "p5", "p16", "p31", "p35")
 

@@ -7,6 +7,7 @@ from math import sqrt
 
 import numpy as np
 import pytest
+from bundleblocks import make_scene
 from conditionblocks import (
     condition,
     dense_adjustment,
@@ -308,20 +309,26 @@ def test_strategies_name_a_wrong_condition() -> None:
 
 def test_a_point_off_its_plane_is_named_and_the_others_stay() -> None:
     scene = flat_scene(control_sigma=0.05)
-    points = dict(scene.points)
-    conditions = every_kind(scene)
-    plane = condition(scene, "plane", "p1 p4 p6 p7 p10 p11 p13 p16", 0.02)
-    # the plane is true, but one of its points does not belong to it
-    lifted = flat_scene(control_sigma=0.05)
-    rows = []
-    for row in lifted.block.image_points:
-        rows.append(row)
-    off = replace(plane, points=plane.points)
-    block = replace(scene.block, conditions=(off,), image_points=tuple(rows))
-    good = adjust_block(block)
+    points = "p1 p4 p6 p7 p10 p11 p13 p16"
+    plane = condition(scene, "plane", points, 0.02)
+    good = adjust_block(replace(scene.block, conditions=(plane,)))
     assert not any(one.flagged for one in good.condition_rows())
-    assert points
-    assert conditions
+    # the others lie in the plane, this one above it: it is photographed where it is
+    lifted = {**scene.points, "p10": scene.points["p10"] + (0.0, 0.0, 3.0)}
+    seen = {(row.photo, row.point) for row in scene.block.image_points}
+    made = make_scene(
+        {name: (scene.centres[name], scene.rotations[name]) for name in scene.centres},
+        lifted,
+        control=scene.block.control,
+        sees=lambda photo, point, _: (photo, point) in seen,
+        noise_um=5.0,
+    )
+    block = replace(made.block, conditions=(plane,))
+    cleaned = block_gross_errors(block, "baarda")
+    assert [one.name for one in cleaned.rejected] == [("condition", plane.id, "p10", "normal")]
+    rows = cleaned.block.condition_rows()
+    assert [row.key[2] for row in rows if row.use] == [n for n in points.split() if n != "p10"]
+    assert not any(row.flagged for row in rows)
 
 
 @pytest.mark.slow

@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from bundleblocks import make_scene
-from epochblocks import epoch, heights_only, layout, stable_names, written
+from epochblocks import epoch, heights_only, layout, rescaled, stable_names, written
 from scipy.optimize import least_squares
 from wild import text_of, wild, words
 
@@ -295,6 +295,17 @@ def test_stable_points_that_move_in_a_later_epoch_are_named() -> None:
         assert tested.agreement.rejected
         assert tested.located_stable[0].point == "p16"
         assert any("(p16" in remark and "refuted" in remark for remark in tested.remarks)
+
+
+@pytest.mark.parametrize("k", [0.05, 100.0])
+def test_what_has_moved_is_the_same_in_every_unit_of_an_estimated_sigma0(k) -> None:
+    blocks = [rescaled(exact(epoch(11 + n, moved=MOVED if n == 2 else None)), k) for n in range(3)]
+    series = compare_series(blocks, points=("p8", "p13", "p18", "p23"))
+    assert not series.by_known
+    assert np.sqrt(series.vtpv / series.redundancy) == pytest.approx(1.0 / k, rel=0.2)
+    assert [(p.point, p.moved) for p in series_tests(series).points if p.moved] == [
+        ("p13", ((2, 3),))
+    ]
 
 
 # --- size and power -------------------------------------------------------------------------

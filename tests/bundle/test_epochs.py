@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from epochblocks import epoch, heights_only, layout, stable_names, written
+from epochblocks import epoch, heights_only, layout, rescaled, stable_names, written
 from wild import text_of, wild, words
 
 from anaplot.bundle.adjust import adjust_block
@@ -17,6 +17,7 @@ from anaplot.bundle.epochs.common import common_control
 from anaplot.bundle.epochs.displacements import compare_epochs
 from anaplot.bundle.epochs.displacementtests import epoch_tests
 from anaplot.bundle.epochs.joint import adjust_jointly, joint_block
+from anaplot.bundle.epochs.variances import doubtful_epochs
 from anaplot.bundle.solve.additional import additional_parameters
 from anaplot.bundle.solve.crosscofactors import coordinate_cofactors
 from anaplot.bundle.solve.gaussnewton import NoConvergenceError
@@ -335,6 +336,15 @@ def test_stable_points_that_have_moved_are_named_and_refute_the_datum() -> None:
     assert right.remarks == right.differences.remarks
 
 
+@pytest.mark.parametrize("k", [0.05, 100.0])
+def test_stable_points_that_have_moved_are_the_same_in_every_unit_of_an_estimated_sigma0(k) -> None:
+    first, second = epoch(11), epoch(12, moved={"p16": (0.0, 0.5, 0.0)})
+    blocks = [rescaled(block, k) for block in (first, second)]
+    tested = epoch_tests(compare_epochs(*blocks, stable=stable_names(), points=("p8",)))
+    assert tested.agreement.decisive is tested.agreement.estimated
+    assert [step.point for step in tested.located_stable] == ["p16"]
+
+
 def test_epochs_with_gross_errors_are_named() -> None:
     first, second = (epoch(k, test=BAARDA) for k in (11, 12))
     clean = compare_epochs(first, second)
@@ -441,6 +451,11 @@ def test_variances_of_rounding_are_not_compared() -> None:
     found = compare_epochs(epoch(1, noise_um=0.0), epoch(2))
     assert epoch_tests(found).variance is None
     assert epoch_tests(compare_epochs(epoch(1), epoch(2))).variance is not None
+
+
+def test_an_epoch_without_redundancy_is_not_doubted() -> None:
+    [said] = doubtful_epochs([(0.0, 0), (1e-20, 0), (40.0, 4)], 0.001, without=False)
+    assert said.startswith("epoch 3: its global test is rejected: sigma0^2 10.000 against 4.617")
 
 
 def test_control_free_of_error_is_not_determined_anew() -> None:

@@ -19,6 +19,7 @@ from anaplot.bundle.solve.selection import NO_ANGLE, LeftOut
 from anaplot.bundle.solve.structure import make_structure
 from anaplot.bundle.start.approximate import approximate_ways
 from anaplot.bundle.start.bestminimum import best_minimum
+from anaplot.bundle.start.robustsuspects import no_minimum_error
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import ControlPoint
 from anaplot.photogrammetry.rotation import rotation_matrix
@@ -95,6 +96,14 @@ def test_where_there_is_no_minimum_the_best_state_is_shown() -> None:
     assert "the best state has sigma0 " in text
     assert "the worst rays p" in text
     assert "use = off" in text or "state where the photos are" in text
+
+
+def test_the_sigma0_of_the_best_state_is_that_of_its_residuals() -> None:
+    problem, start = laid_out(10, **SHORT)
+    text = str(no_minimum_error(problem, make_structure(problem, start.centres), start, start))
+    said = float(text.partition("the best state has sigma0 ")[2].partition(",")[0])
+    expected = np.sqrt(objective(problem, start)[0] / problem.redundancy)
+    assert said == pytest.approx(expected, rel=6e-3)
 
 
 def test_points_are_intersected_again_never_for_the_worse() -> None:

@@ -23,6 +23,7 @@ from anaplot.bundle.solve.additional import additional_parameters
 from anaplot.bundle.solve.crosscofactors import coordinate_cofactors, own_parameter_cofactors
 from anaplot.bundle.solve.problem import make_problem
 from anaplot.photogrammetry.block import ControlPoint, TestSettings
+from anaplot.photogrammetry.posterior import CoordinateName, Posterior
 from anaplot.report.hypotheses import hypotheses_document
 
 pytestmark = pytest.mark.slow
@@ -377,6 +378,26 @@ def test_check_points_with_single_coordinates_and_none() -> None:
     assert check_tests(adjust_block(block.problem.block, datum="free")) is None
 
 
+def test_check_coordinates_free_of_error_at_points_free_of_error_are_named() -> None:
+    scene = aerial(2, 3, per_base=2, noise_um=5.0, control_sigma=0.02)
+    held = {row.point for row in scene.block.control}
+    firm, other = [name for name in scene.points if name not in held][2:9:6]
+    names = tuple(CoordinateName("point", firm, axis) for axis in "XYZ")
+    given = Posterior(names, np.array(scene.points[firm]), np.zeros((3, 3)))
+    checks = [
+        ControlPoint(name, tuple(scene.points[name].tolist()), (0.0, 0.01, 0.0), "check")
+        for name in (firm, other)
+    ]
+    block = replace(scene.block, control=(*scene.block.control, *checks), given=given)
+    found = check_tests(adjust_block(block))
+    assert found.remarks == (
+        "check coordinates free of error at points free of error are not tested: "
+        f"X of {firm}, Z of {firm}",
+    )
+    tested = [(c.point, c.axis) for c in found.coordinates]
+    assert tested == [(firm, "Y"), *((other, axis) for axis in "XYZ")]
+
+
 def test_check_points_all_of_which_are_missing_are_told() -> None:
     block = small().problem.block
     rows = [row for row in block.control if row.use == "control"]
@@ -524,6 +545,16 @@ def test_a_network_and_too_little_control(monkeypatch) -> None:
     many = control_tests(adjust_block(scene.block, datum="free"))
     assert many.coordinates == ()
     assert "not tested" in many.remarks[0]
+
+
+def test_heights_alone_are_no_plan_and_heights() -> None:
+    scene = aerial(2, 3, noise_um=5.0, control_sigma=0.02, priors=True)
+    heights = [
+        replace(r, xyz=(None, None, r.xyz[2]), sigma=(None, None, 0.02))
+        for r in scene.block.control
+    ]
+    found = control_tests(adjust_block(replace(scene.block, control=tuple(heights))))
+    assert [(g.what, g.coordinates, g.conditions) for g in found.groups] == [("all", 6, 6)]
 
 
 def test_what_only_control_determines_is_not_tested() -> None:
@@ -722,6 +753,13 @@ def test_settings_and_variance() -> None:
     limit = critical_f(0.05, 1, 20) * 1.5
     assert tau.test(limit * 1.001, 1, 0.05).rejected
     assert not tau.test(limit * 0.999, 1, 0.05).rejected
+
+
+def test_without_redundancy_errors_are_detectable_by_the_known_sigma0() -> None:
+    nothing = VarianceFactor(0.0, 0, False)
+    assert nothing.degrees is None
+    # (3.2905 + 0.8416)^2, of the normal distribution
+    assert nothing.detectable(0.001, 0.8) == pytest.approx(17.0746, abs=1e-3)
 
 
 def test_the_hypotheses_of_a_block() -> None:

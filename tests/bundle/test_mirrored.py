@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import startkinds
-from bundleblocks import aerial
+from bundleblocks import aerial, make_scene
 
 from anaplot.bundle import adjust
 from anaplot.bundle.adjust import adjust_block
@@ -150,3 +150,20 @@ def test_where_most_control_lies_in_one_plane_all_of_it_tells() -> None:
     assert max(most) < CLEARLY * min(most)
     whole = [misfit(side * network, ground, 1.0) for side in (1.0, -1.0)]
     assert whole[1] * CLEARLY < whole[0]
+
+
+def test_the_mirror_image_of_control_that_lies_in_a_plane_but_for_one_point_is_told() -> None:
+    laid = aerial(relief=0.0, control_sigma=0.02)
+    seen = {(row.photo, row.point) for row in laid.block.image_points}
+    top = (600.0, 0.0, 150.0)
+    corners = [row for row in laid.block.control if row.xyz[0] in (0.0, 1800.0)]
+    made = make_scene(
+        {name: (laid.centres[name], laid.rotations[name]) for name in laid.centres},
+        {**laid.points, "p6": np.array(top)},
+        control=[*corners, ControlPoint("p6", top, (0.02,) * 3)],
+        sees=lambda photo, point, _: (photo, point) in seen,
+        noise_um=5.0,
+    ).block
+    assert len(made.control) == 5
+    assert said(made) == ""
+    assert TOLD in said(moved(made, lambda row: GROUND["Z"](*row.xyz)))

@@ -6,6 +6,7 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from bundleblocks import aerial
 from grossblocks import interchanged, moved, planned
@@ -168,6 +169,21 @@ def test_a_ray_to_control_free_of_error_is_blamed_not_the_control() -> None:
     assert fitting.reason
     assert {name[1:3] for name in fitting.left_out} == {("101", "01-01"), ("101", "01-02")}
     assert fitting.block.sigma0 < 1.3
+
+
+def test_what_was_rejected_before_stays_out_beside_what_fits_nowhere() -> None:
+    problem = make_problem(interchanged(planned(1), "104", "02-03", "03-05"))
+    at = {(problem.photos[p], problem.points[q]): k
+          for k, (p, q) in enumerate(zip(problem.photo, problem.point, strict=True))}  # fmt: skip
+    rejected = np.zeros((len(problem.photo), 2), dtype=bool)
+    # of a point of which nothing is far off, and of one of the points that are interchanged
+    before = [at["103", "01-04"], at["103", "02-03"]]
+    rejected[before] = True
+    fitting = adjust_without_misfits(replace(problem, rejected=rejected))
+    assert {name[1:3] for name in fitting.left_out} == {("104", "02-03"), ("104", "03-05")}
+    left = fitting.block.problem.rejected
+    assert left[before].all()
+    assert left.sum() == 4 + len(fitting.left_out)
 
 
 def test_strips_that_turn_about_a_line_are_no_free_network() -> None:

@@ -156,3 +156,13 @@ def test_the_scale_is_as_good_as_bars_and_images_are():
     sharp = replace(measured(3), precision=replace(measured(3).precision, image_um=1e-4))
     assert scale_deviation(adjusted_block(sharp)) == pytest.approx(bars_alone, rel=1e-4)
     assert scale_deviation(adjusted_block(measured(3), datum="minimal")) is None
+
+
+def test_only_distances_are_in_the_rms_of_distances():
+    plane = ObjectCondition("plane", ("t1", "t2", "t3", "t4", "t5"), None, 0.01, "check")
+    block = measured(3)
+    alone = condition_tests(adjusted_block(block))
+    beside = condition_tests(adjusted_block(replace(block, conditions=(*block.conditions, plane))))
+    assert len(beside.single) == len(alone.single) + 5
+    assert beside.distances == alone.distances == 3
+    assert (beside.rms, beside.expected) == (alone.rms, alone.expected)

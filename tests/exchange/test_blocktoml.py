@@ -193,6 +193,15 @@ def test_what_is_wrong_is_named_with_its_line(block_toml, old, new, at, words):
         assert f"block.toml line {number_of(text, at)}: " in message
 
 
+@pytest.mark.parametrize("latitude", [-95.0, 90.5, -90.0, 90.0])
+def test_the_origin_of_a_local_frame_lies_on_earth(latitude):
+    ground = f'[ground]\ncrs = "EPSG:4979"\nframe = "local"\norigin = [8.25, {latitude}, 400.0]\n'
+    if abs(latitude) > 90.0:
+        assert "the second is a latitude, from -90 to 90 degrees" in refused(MINIMAL + ground)
+    else:
+        assert parse_block_toml(MINIMAL + ground, Path("B")).ground.origin[1] == latitude
+
+
 def test_duplicates_name_both_lines(block_toml):
     for what, identity in (("camera", "rmk"), ("strip", "1"), ("photo", "102")):
         rest = {

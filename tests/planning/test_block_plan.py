@@ -75,6 +75,16 @@ def test_photos_of_long_strips_keep_their_own_names() -> None:
     assert len(set(names)) == len(names) == len(made.stations) == 11 * 101
 
 
+def test_twins_stand_nearer_to_the_middle() -> None:
+    made = plan_block(BlockPlan(2, 6, bridging=2.0, twin=True))
+    middle = np.mean([station.centre[0] for station in made.stations.values()])
+    pairs = [(at, made.points[f"{name}t"]) for name, at in made.points.items()
+             if f"{name}t" in made.points]  # fmt: skip
+    assert len({at[0] for at, _ in pairs}) == 4
+    for at, twin in pairs:
+        assert abs(twin[0] - middle) < abs(at[0] - middle)
+
+
 def test_twins_cross_strips_and_denser_control_help() -> None:
     plan = BlockPlan(3, 5, bridging=4)
 

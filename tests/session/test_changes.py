@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from deskscene import DRIVEN, MONO, Bench, told
+from innerscene import InnerScene
 from sessionscene import Scene
 
 from anaplot.exchange.journal import event_of, read_journal
@@ -22,8 +23,9 @@ from anaplot.session.commands import (
     Undo,
 )
 from anaplot.session.events import EVENT_KINDS, MonoMeasured, PointMeasured
+from anaplot.session.innerwork import solve_inner
 from anaplot.session.models import solve
-from anaplot.session.state import EventRefusedError
+from anaplot.session.state import EventRefusedError, SessionState, apply, fold
 from anaplot.station.replay import recorded_block
 
 SESSIONS = Path(__file__).parents[1] / "sessions"
@@ -150,3 +152,23 @@ def test_events_that_do_not_fit_are_refused(scene: Scene) -> None:
     event = PointMeasured("101", "102", "p", 0.0, 0.0, 0.0, 0.0, "key")
     with pytest.raises(EventRefusedError):
         changes(scene.block, [Happened("", "", event)])
+
+
+def test_a_fiducial_is_told_with_a_residual_of_its_own() -> None:
+    scene = InnerScene()
+    laid = scene.choice(scene.start, 0)
+    model = apply(scene.start, laid)
+    before = fold(model, [scene.fiducial(model, name) for name in "12345678"])
+    wrong = scene.fiducial(before, "3", dx=0.05)
+    after = apply(before, wrong)
+
+    def largest(state: SessionState, name: str) -> float:
+        rows = solve_inner(scene.block, state.current.open_inner).rows
+        return max(row.size for row in rows if row.point == name)
+
+    events = (laid, *(scene.fiducial(model, name) for name in "12345678"), wrong)
+    told_of = changes(scene.block, [Happened("", "", event) for event in events])[-1]
+    assert (told_of.what, told_of.point) == ("remeasured", "3")
+    assert (told_of.w_before, told_of.w_after) == (largest(before, "3"), largest(after, "3"))
+    # others are off by more before
+    assert told_of.w_before < max(largest(before, name) for name in "12345678")

@@ -13,7 +13,7 @@ from transferscene import flown, second_strip_begun
 from anaplot.photogrammetry.block import Block, ControlPoint, ImagePoint
 from anaplot.report.adjustcommand import adjust
 from anaplot.session.state import SessionState, start
-from anaplot.session.statedorientation import seen_by_stated, stated_points
+from anaplot.session.statedorientation import seen_by_stated, stated_control, stated_points
 from anaplot.session.tiecheck import GROUND, Known
 from anaplot.session.transfer import transfer
 
@@ -117,3 +117,18 @@ def test_photos_without_it_say_nothing() -> None:
         photos=tuple(replace(p, position=(0.0, 0.0, 1500.0)) for p in made.block.photos),
     )
     assert stated_points(half, state.models) == {}
+
+
+def test_control_of_which_a_coordinate_is_not_known_shows_no_place() -> None:
+    block = flown(1).block
+    control = [
+        ControlPoint("height", (None, None, 10.0), (None, None, 0.02)),
+        ControlPoint("plan", (1.0, 2.0, None), (0.02, 0.02, None)),
+        ControlPoint("full", (1.0, 2.0, 3.0), (0.01, 0.02, 0.03)),
+    ]
+    assert stated_control(block, control, GROUND) == {}  # nothing can show it
+    photo = replace(block.photos[0], position=(0.0, 0.0, 1500.0), rotation=(0.0, 0.0, 0.0))
+    found = stated_control(replace(block, photos=(photo,)), control, GROUND)
+    assert list(found) == ["full"]
+    np.testing.assert_array_equal(found["full"].xyz, (1.0, 2.0, 3.0))
+    np.testing.assert_allclose(found["full"].cov, np.diag((1e-4, 4e-4, 9e-4)))

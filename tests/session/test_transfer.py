@@ -18,6 +18,7 @@ from anaplot.session.othernames import OtherName
 from anaplot.session.state import EventRefusedError, apply, fold, start
 from anaplot.session.tiecheck import GROUND, NOTHING_KNOWN, Known
 from anaplot.session.transfer import transfer, transfer_of_strip
+from anaplot.station.snapshot import LinkView, snapshot_of
 
 SEEDS = (1, 5)
 
@@ -284,6 +285,12 @@ def test_a_single_strip_without_control_has_nothing_of_all_that():
     assert not known.checks
     assert not known.marks
     assert not bench.desk.accidents
+
+
+def test_models_are_numbered_in_their_own_strip():
+    shown = snapshot_of(Desk.at(second_strip_begun(flown(1))), 1, LinkView("none"))
+    assert (shown.strip, shown.left, shown.right) == ("2", "201", "202")
+    assert (shown.model_number, shown.model_count) == (1, 3)
 
 
 def test_only_what_was_offered_may_be_left_out_unmeasured():

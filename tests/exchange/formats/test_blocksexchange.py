@@ -22,6 +22,7 @@ from anaplot.photogrammetry.camera import BrownLens
 from anaplot.photogrammetry.rotation import rotation_matrix
 
 PLAIN = ImportOptions()
+GROUND = "ground coordinates are written as east, north, up of the block's local frame"
 CONTROL = """<ControlPoints>
 <ControlPoint><Name>A</Name><Position><x>1.5</x><y>2.5</y><z>3.5</z></Position>
 <HorizontalAccuracy>0.01</HorizontalAccuracy><VerticalAccuracy>0.03</VerticalAccuracy>
@@ -163,7 +164,9 @@ def test_a_local_system_keeps_its_place_on_earth(tmp_path: Path, scene: TiltedBl
     out = tmp_path / "o.xml"
     higher = replace(block, ground=replace(block.ground, origin=(8.25, 47.5, 400.0)))
     for one, height in ((block, 3.5), (higher, 403.5)):
-        blocksexchange.write(Exporting(one, tmp_path), out)
+        notes = blocksexchange.write(Exporting(one, tmp_path), out).notes
+        told = [(note.what, note.text) for note in notes if "ground coordinates" in note.text]
+        assert told == [("changed", GROUND)]
         assert "ENU:47.5,8.25" in out.read_text()
         assert read(out).control[0].xyz == (1.5, 2.5, height)
         out.unlink()

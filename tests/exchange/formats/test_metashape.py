@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -95,6 +96,46 @@ def test_a_k4_is_taken_off_and_said(tmp_path: Path) -> None:
         k, j = index[row.photo], int(row.point.removeprefix("m "))
         x, y, z = scene.rotations[k] @ (scene.points[j] - scene.centres[k])
         np.testing.assert_allclose((row.x, row.y), camera.c * np.array((x / z, -y / z)), atol=1e-9)
+
+
+CALIBRATIONS = [
+    ("<f>3118.0</f><b1>2.5</b1><b2>-6</b2>", (3118.0, 2.5, -6.0, 0.0)),
+    ("<f>3118.0</f><b1>-2.5</b1><b2>6</b2><k4>0.05</k4>", (3118.0, -2.5, 6.0, 0.05)),
+    ("<fx>3120.5</fx><fy>3118</fy><skew>6</skew>", (3118.0, 2.5, 6.0, 0.0)),
+    ("<fx>3115.5</fx><fy>3118</fy><skew>-6</skew><k4>0.05</k4>", (3118.0, -2.5, -6.0, 0.05)),
+]
+
+
+@pytest.mark.parametrize(("stated", "values"), CALIBRATIONS)
+def test_affinity_and_skew_are_those_of_the_manual(
+    tmp_path: Path, scene: TiltedBlock, stated: str, values: tuple[float, float, float, float]
+) -> None:
+    """Without noise every ray meets its point: u = w/2 + cx + x' f + x' B1 + y' B2."""
+    f, b1, b2, k4 = values
+    pixels = []
+    truth: dict[tuple[str, str], tuple[float, float]] = {}
+    for k, j, _, _ in scene.pixels:
+        x, y, z = scene.rotations[k] @ (scene.points[j] - scene.centres[k])
+        x, y = x / z, y / z
+        truth[scene.names[k], f"m {j}"] = float(x), float(y)
+        r2 = x * x + y * y
+        radial = 1 + K1 * r2 + K2 * r2**2 + k4 * r2**4
+        # P1 and P2 of Metashape are P2 and P1 of OPENCV
+        bent_x = x * radial + P2 * (r2 + 2 * x * x) + 2 * P1 * x * y
+        bent_y = y * radial + P1 * (r2 + 2 * y * y) + 2 * P2 * x * y
+        u, v = CX + bent_x * f + bent_x * b1 + bent_y * b2, CY + bent_y * f
+        pixels.append((k, j, float(u), float(v)))
+    bent = TiltedBlock(scene.names, scene.rotations, scene.centres, scene.points, tuple(pixels))
+    file = camera_file(bent, tmp_path / "c.xml")
+    text, n = re.subn(f"<f>{FY}</f>(.*?)<b1>.*?</b1>", rf"{stated}\1", file.read_text())
+    assert n == 1
+    file.write_text(text.replace("<k4>0.0</k4>", ""))
+    block = metashape.read(file, PLAIN).block
+    c = block.cameras[0].c
+    for row in block.image_points:
+        x, y = truth[row.photo, row.point]
+        # 1e-6 px of 2.5 um
+        np.testing.assert_allclose((row.x, row.y), (c * x, -c * y), rtol=0.0, atol=2.5e-9)
 
 
 def test_sensors_of_one_label_stay_two_cameras(tmp_path: Path, scene: TiltedBlock) -> None:
@@ -309,3 +350,13 @@ def test_a_file_without_markers_says_where_tie_points_are(
     file.write_text(head + "</chunk></document>")
     assert main(["import", str(file), "-o", str(tmp_path / "b")]) == 2
     assert "BlocksExchange and COLMAP have them" in capsys.readouterr().err
+
+
+def test_a_pose_that_is_no_rotation_is_refused(tmp_path: Path, scene: TiltedBlock) -> None:
+    file = camera_file(scene, tmp_path / "c.xml")
+    head, start, rest = file.read_text().partition("</component></components>")
+    pose, first, others = rest.partition("<transform>")
+    number, _, others = others.partition(" ")
+    file.write_text(f"{head}{start}{pose}{first}{float(number) + 0.3} {others}")
+    with pytest.raises(InputError, match="the matrix is no rotation"):
+        metashape.read(file, PLAIN)

@@ -323,6 +323,14 @@ def test_what_has_no_place_is_told(tmp_path: Path) -> None:
     assert len(found.image_points) == len(rays) - 2
 
 
+def test_control_of_x_without_y_is_refused(tmp_path: Path) -> None:
+    block = table_block()
+    for xyz in ((1.0, None, 10.0), (None, 2.0, 10.0)):
+        control = (replace(block.control[0], xyz=xyz), *block.control[1:])
+        with pytest.raises(InputError, match="X without Y, or Y without X"):
+            patb.write(Exporting(replace(block, control=control), tmp_path), tmp_path / "o")
+
+
 def test_folders_and_projects(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"no file \.im"):
         patb.read(tmp_path, ImportOptions())

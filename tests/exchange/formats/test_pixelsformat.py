@@ -189,6 +189,7 @@ def test_several_cameras(tmp_path: Path) -> None:
     block = pixels.read(*written(tmp_path / "t.csv", rows, options)).block
     assert {c.id: c.pixels for c in block.cameras} == {"left": (4000, 3000), "right": (100, 80)}
     assert [photo.camera for photo in block.photos] == ["left", "right", "left"]
+    assert [camera.c for camera in block.cameras] == [3.0, 5.0]  # 3000 px of 1 um
     # one pixel of each camera, not of the first one for all
     for stated, um, sigmas in (
         ({}, 1.0, [None, 50.0, None]),
@@ -201,6 +202,17 @@ def test_several_cameras(tmp_path: Path) -> None:
     (tmp_path / "cameras.txt").write_text("a left\nb right\n")
     with pytest.raises(InputError, match="photo 'c': no row says"):
         pixels.read(tmp_path / "t.csv", options)
+
+
+def test_a_sigma_in_pixels_needs_the_size_of_a_pixel_of_every_camera(tmp_path: Path) -> None:
+    (tmp_path / "cameras.txt").write_text("a left\nb right\n")
+    for name, size in (("left", {"pixels": (100, 80), "pixel_um": 50.0}), ("right", {})):
+        write_camera(tmp_path / f"{name}.toml", CameraCalibration(name, 5.0, **size))
+    files = {"cameras": tmp_path / "cameras.txt"}
+    files |= {f"camera:{name}": tmp_path / f"{name}.toml" for name in ("left", "right")}
+    options = ImportOptions(files=files, unit="mm", sigma_px=0.5)
+    with pytest.raises(InputError, match="--sigma-px: of image coordinates in mm"):
+        pixels.read(*written(tmp_path / "t.csv", "photo,point,x,y\na,1,1,2\nb,1,3,4\n", options))
 
 
 WRONG = [
