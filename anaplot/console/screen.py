@@ -59,7 +59,7 @@ from anaplot.console.tidying import tidy
 from anaplot.console.wheels import TURNS
 from anaplot.console.whyline import why_line
 from anaplot.session import commands
-from anaplot.station.snapshot import LinkView, Snapshot
+from anaplot.station.snapshot import Snapshot
 
 __all__ = ["OrientationScreen"]
 
@@ -151,7 +151,6 @@ class OrientationScreen(Screen[None]):
         self._choices = Choices()
         self._flagged: frozenset[tuple[str, str]] = frozenset()
         self._moved_by_hand = False
-        self._told = ""  # of the line
         self._longest = ""
         self._unread: list[tuple[str, str]] = []
         self._report = ReportWriting(self, report, self._say, self._keys, temporary=temporary)
@@ -263,19 +262,14 @@ class OrientationScreen(Screen[None]):
         self._flagged = flagged
         self._show_header()
         self._show_advice()
-        self._tell_link(snapshot.link)
+        if snapshot.link.detail and (first or before.link.detail != snapshot.link.detail):
+            faulty = snapshot.link.state not in ("live", "none", "opening")
+            self._say("warning" if faulty else "info", f"link: {snapshot.link.detail}")
         automatic = self._controls is not None and self._controls.automatic
         question = ("", "") if automatic else why_line(snapshot, self._keys)
         self.query_one(MessagePanel).ask(*question)
         self._pages.show(snapshot)
         self._show_selected()
-
-    def _tell_link(self, link: LinkView) -> None:
-        """Say what is wrong with the line, once: it is opened again and again until it works."""
-        before, self._told = self._told, link.detail
-        if link.detail and link.detail != before:
-            faulty = link.state not in ("live", "none", "opening")
-            self._say("warning" if faulty else "info", f"link: {link.detail}")
 
     def _show_table(self) -> None:
         """Show the rows; the cursor follows the line NOW, unless it was moved by hand."""
