@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import dist, sqrt
-from typing import NamedTuple
+from math import dist, log, sqrt
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from anaplot.adjustment.advice import (
     remeasure,
 )
 from anaplot.adjustment.partners import EQUAL, rounded
-from anaplot.adjustment.reliability import ERROR_PRIOR_SIGMAS
+from anaplot.adjustment.reliability import ERROR_PRIOR_SIGMAS, NONE_PRIOR
 from anaplot.adjustment.significance import TESTABLE
 from anaplot.adjustment.tested import (
     Odds,
@@ -29,6 +29,9 @@ from anaplot.aliases import Array
 from anaplot.orientation.interchange import Interchange, interchange_of
 from anaplot.orientation.residuals import residual_system
 from anaplot.orientation.results import TOO_LARGE, Diagnosis, ModelSolution, Row
+
+if TYPE_CHECKING:
+    from anaplot.adjustment.findings import Findings
 
 __all__ = ["diagnose"]
 
@@ -183,7 +186,8 @@ def _wrong_together(solution: ModelSolution, suspects: tuple[Row, ...]) -> tuple
 
     Several errors hide each other behind a sigma0 that they enlarge, and bend good rows until these
     show most: odds of a single error then name a good one, or nothing is flagged at all. A search
-    with the a-priori sigma0 (strategy "search") finds them, where enough is left that checks.
+    with the a-priori sigma0 (strategy "search") finds them, where enough is left that checks, and
+    where they explain the residuals better than noise of another size in all rows.
     """
     sigma0 = solution.sigma0_um
     if sigma0 is None or sigma0 <= TOO_LARGE * solution.apriori_um or solution.outliers:
@@ -194,13 +198,29 @@ def _wrong_together(solution: ModelSolution, suspects: tuple[Row, ...]) -> tuple
 
     found = strategy_findings(solution, "search", SearchSettings(alpha=solution.test.alpha))
     left = found.at_end
-    if left.sigma0 is None or left.sigma0 > TOO_LARGE or left.redundancy < _LEFT:
+    if not found.rows or left.redundancy < _LEFT or not _rather_than_noise(solution, found):
         return ()
     order = sorted(found.rows, key=lambda row: -abs(left.w[row]))
     rows = tuple(solution.tested.keys[row] for row in order)
     if suspects and len({point for point, _ in rows}) < 2:
         return ()  # one error is what the odds weigh
     return rows
+
+
+def _rather_than_noise(solution: ModelSolution, found: Findings) -> bool:
+    """Whether gross errors in some rows are likelier than an a-priori sigma0 that is too small.
+
+    By the largest likelihoods of both: with sigma0 estimated from f redundancies log L is
+    -f / 2 (1 + log sigma0^2); with errors in some of n rows it is -v'Pv / 2 of the others, less for
+    each the prior odds of an error (conventions, Odds) and the log of its size in sigmas.
+    """
+    sigma0, left, n = solution.tested.sigma0, found.at_end, len(solution.tested.keys)
+    if not sigma0 or left.sigma0 is None:
+        return False
+    odds = log(n * NONE_PRIOR / (1.0 - NONE_PRIOR))
+    errors = sum(odds + log(max(abs(float(left.w[row])), 1.0)) for row in found.rows)
+    rows = -0.5 * left.redundancy * left.sigma0**2 - errors
+    return rows > -0.5 * solution.redundancy * (1.0 + 2.0 * log(sigma0))
 
 
 def _of_first(

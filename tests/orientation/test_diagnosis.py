@@ -257,6 +257,22 @@ def test_of_several_large_errors_one_is_to_be_measured_again(test, count):
         assert single < 20  # the odds of a single error say so less often
 
 
+@pytest.mark.parametrize("factor", [4.0, 6.0, 10.0])
+def test_noise_larger_than_stated_accuses_no_row(factor):
+    rng = np.random.default_rng(11)
+    asked = 0
+    for _ in range(25):
+        pair = ideal_pair("13", 92.0, 100.0, 152.0)
+        noise = factor * 0.005 * rng.standard_normal(pair.xr.shape)
+        model = orient(replace(pair, xr=pair.xr + noise), PAPER, TAU)
+        if model.unexplained:
+            asked += 1
+            found = diagnose(model)
+            assert found.suspects == ()
+            assert found.advice[-1].endswith("and the test does not tell which")
+    assert asked > 5
+
+
 def test_with_one_redundancy_rounding_does_not_say_what_is_advised():
     f = fly(12, noise=0.005, relief=0.1, tilt=10.0, kappa=60.0)
     x, y = f.images[2]["1a"]
