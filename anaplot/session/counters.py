@@ -79,7 +79,7 @@ def _pointed(
     try:
         referencing = referencing.pointed(at, here, tolerance)
     except InputError as error:
-        draft.change(referencing=Referencing())
+        draft.change(referencing=referencing.forgotten(at))
         draft.note("reference-refused", {**note, "reason": str(error)})
         draft.refused = error
         return

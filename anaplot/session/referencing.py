@@ -157,6 +157,8 @@ class Referencing:
         Whether they were seen elsewhere since, or the mark was set anew by itself.
     pointed_at
         Name of the reference pointed at last, or None.
+    contradicted
+        Names of those that contradicted each other: one of them may be measured wrong.
     """
 
     once: Mapping[Side, Offset] = field(default_factory=dict)
@@ -165,6 +167,7 @@ class Referencing:
     last: Position | None = None
     moved: bool = False
     pointed_at: str | None = None
+    contradicted: frozenset[str] = frozenset()
 
     def is_away(self, position: Position) -> bool:
         """Whether any counter [mm], as it counts, is elsewhere than at the last pointing."""
@@ -183,12 +186,16 @@ class Referencing:
         """Return what to point at now: the chosen one, or the first that helps.
 
         A second pointing is to be elsewhere where it can be: what was measured wrong would say the
-        same of itself twice.
+        same of itself twice. What contradicted each other comes after all others.
         """
         to_go = self.open_sides(needed)
         useful = [r for r in known if any(side in r.places for side in to_go)]
         useful.sort(
-            key=lambda r: (self.once.keys().isdisjoint(r.places), r.name == self.pointed_at)
+            key=lambda r: (
+                self.once.keys().isdisjoint(r.places),
+                r.name == self.pointed_at,
+                r.name in self.contradicted,
+            )
         )
         chosen = (r for r in useful if r.name == self.chosen)
         return next(chosen, useful[0] if useful else None)
@@ -230,6 +237,11 @@ class Referencing:
         return replace(
             self, once=once, agreed=agreed, last=here, moved=False, pointed_at=reference.name
         )
+
+    def forgotten(self, reference: KnownPlace) -> Referencing:
+        """Return where it begins anew, after a pointing that contradicted the one before."""
+        names = filter(None, (self.pointed_at, reference.name))
+        return Referencing(contradicted=self.contradicted.union(names))
 
     def shift(self, was: Position, tolerance: float, *, mono: bool) -> Position | None:
         """Return by how much the counters are to be moved [mm]; None when they kept their origin.

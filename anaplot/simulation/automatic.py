@@ -335,9 +335,9 @@ class AutomaticOperator:
             return True
         if not station.settled:
             return False
-        station.reference()
-        # the second pointing is one of its own
+        # the second pointing is one of its own, and so is what follows a refusal
         self._aimed = False
+        station.reference()
         return True
 
     def _orient(self, picture: Snapshot, inner: InnerView, record: ModelRecord) -> None:

@@ -88,6 +88,26 @@ def test_the_second_pointing_is_to_be_elsewhere() -> None:
     assert marked.proposed(BOTH, (right, MARK)) == MARK
 
 
+def test_what_contradicts_is_left_to_others() -> None:
+    known = tuple(
+        KnownPlace(name, f"point {name}", {"left": (k, 5.0), "right": (k, 6.0)})
+        for k, name in enumerate("789")
+    )
+    once = Referencing().pointed(known[0], counted(known[0], 3.0, 4.0), TOLERANCE)
+    second = once.proposed(BOTH, known)
+    assert second == known[1]
+    with pytest.raises(InputError, match="from where the first pointing"):
+        once.pointed(second, counted(second, 3.0, 4.3), TOLERANCE)
+    # a third one tells which of the two it is
+    anew = once.forgotten(second)
+    assert (anew.once, anew.agreed) == ({}, {})
+    assert anew.proposed(BOTH, known) == known[2]
+    third = anew.pointed(known[2], counted(known[2], 3.0, 4.0), TOLERANCE)
+    assert third.proposed(BOTH, known) == known[0]
+    done = third.pointed(known[0], counted(known[0], 3.0, 4.0), TOLERANCE)
+    assert done.open_sides(BOTH) == ()
+
+
 def test_what_is_chosen_goes_before_what_is_proposed() -> None:
     assert Referencing().proposed(BOTH, (POINT, MARK)) == POINT
     assert Referencing(chosen="1").proposed(BOTH, (POINT, MARK)) == MARK
