@@ -41,6 +41,7 @@ _FAR = 1e6  # sigmas: farther off is as far
 _CHANCE = 0.003  # of rays that are off by chance
 _MOST_SIGMA0 = 3.0  # in a-priori ones, of a block whose rays are in their places
 _MUCH = 0.5  # of v'Pv: what lowers it so far tells by itself
+_LOWER = 0.99  # of v'Pv: what lowers it less is the same minimum
 _NEIGHBOURS = 3
 _MEDIAN = 1.1774  # of the length of two normal residuals
 _CUT = 1.0 / 20.0  # of the camera constant: farther off is far off
@@ -85,7 +86,8 @@ def at_other_places(problem: Problem, found: Minimum, progress: Progress | None)
         share = other.convergence.last / found.convergence.last
         mine = np.isin(problem.photo, photos)
         fit = (_off(problem, other.state)[mine] <= _OFF).all()
-        return other if share < _MUCH or (fit and share < 1.0) else None
+        # the minimum that there was is less by its last digits, too
+        return other if share < _MUCH or (fit and share < _LOWER) else None
 
     # photos at wrong places hide each other's: all of them, by what the others know
     together = _all_placed(problem, found.state, np.flatnonzero(asked), by_photo)
