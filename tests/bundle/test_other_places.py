@@ -7,9 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from conditionblocks import flat_scene
 
 from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.solve.gaussnewton import find_minimum
+from anaplot.bundle.start import otherplaces
 from anaplot.bundle.start.otherplaces import at_other_places
 from anaplot.photogrammetry.block import (
     Block,
@@ -108,3 +110,23 @@ def test_a_minimum_that_fits_and_one_with_gross_errors_stay() -> None:
     spoilt = adjust_block(replace(block, image_points=tuple(rows)))
     moved = spoilt.state.centres - adjusted.state.centres
     assert np.linalg.norm(moved, axis=1).max() < 40.0
+
+
+def test_the_minimum_that_there_was_is_no_lower_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A gross error remains wherever the photos stand: their places are tried, and that is it."""
+    tried = []
+
+    def counted(*arguments, **options):
+        tried.append(1)
+        return find_minimum(*arguments, **options)
+
+    monkeypatch.setattr(otherplaces, "find_minimum", counted)
+    block = flat_scene().block
+    rows = list(block.image_points)
+    for point in ("p6", "p7", "p10"):
+        at = next(k for k, row in enumerate(rows) if (row.photo, row.point) == ("102", point))
+        wrong = [*rows[:at], replace(rows[at], y=rows[at].y + 0.5), *rows[at + 1 :]]
+        adjust_block(replace(block, image_points=tuple(wrong)))
+        # thirty that lead to nothing at most, and no more for those that lead back
+        assert len(tried) <= 31
+        tried.clear()
