@@ -119,7 +119,7 @@ def following(
     if measured:
         # what was measured elsewhere is to be adjusted in the first place
         if state is not None and view is not None and view.clean:
-            return NextStep("report", f"anaplot report {folder}")
+            return NextStep("report", f"anaplot report {folder} -o report.html")
         # what the control does not determine yet needs a free datum
         free = not held or (view is not None and view.datum == "free")
         command = f"anaplot adjust {folder}" + (" --datum free" if free else "")

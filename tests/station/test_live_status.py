@@ -8,6 +8,7 @@ from dataclasses import replace
 import pytest
 from sessionscene import Scene
 
+from anaplot.cli import command_parser
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import ControlPoint, ImagePoint, Strip
 from anaplot.session.desk import Desk
@@ -134,7 +135,10 @@ def test_the_day_says_the_same_live_and_from_the_files() -> None:
         (replace(solved, suspects=suspect("102/103", 0.6).suspects), "adjust"),
         (replace(solved, suspects=suspect("102/103", 0.6).suspects, by_chance=True), "report"),
     ):
-        assert day.same(view).next.do == do, view
+        step = day.same(view).next
+        assert step.do == do, view
+        # what is advised can be typed
+        assert command_parser().parse_args(step.command.split()[1:]).command == do
 
 
 @pytest.mark.parametrize("common", [False, True])
