@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from anaplot.station.blockview import in_words
+from anaplot.station.blockview import percent, unless_wrong
 from anaplot.station.snapshot import Snapshot
 
 __all__ = ["block_line"]
@@ -20,5 +20,5 @@ def block_line(snapshot: Snapshot) -> str:
     accused = points[0].accused
     where = f" (model {accused.model})" if accused.model is not None else ""
     more = f", and {len(points) - 1} more" if len(points) > 1 else ""
-    chance = in_words(accused, view.unless(points[0]))
+    chance = percent(accused.probability) + unless_wrong(view.unless(points[0]))
     return f"block: point {points[0].point} in photo {accused.photo}{where}: {chance}{more}"

@@ -23,6 +23,7 @@ from anaplot.station.blockview import (
     SuspectedPoint,
     SuspectedRay,
     percent,
+    unless_wrong,
 )
 from anaplot.station.snapshot import Snapshot
 from anaplot.textfiles.wording import plain
@@ -292,9 +293,7 @@ def _point(
             + cell(row.r, 7, 3)
         )
         lines.append(Content.styled(fit(cells, width), "bold $text-error" if k == 0 else ""))
-    verdict = "wrong: " + ", ".join(_chance(ray) for ray in point.rays[:3])
-    if unless is not None:
-        verdict += f", unless {unless.what} is wrong"
+    verdict = "wrong: " + ", ".join(_chance(ray) for ray in point.rays[:3]) + unless_wrong(unless)
     if point.newly:
         verdict = f"only now ({point.since}), {verdict}"
     lines += [Content(f"  {line}") for line in wrap(verdict, width - 2)]

@@ -52,11 +52,9 @@ def model_findings(solution: ModelSolution, strategy: str) -> Findings | None:
     if solution.redundancy < 1:
         return None
     # loaded when a strategy is asked for, not with the first screen
-    from anaplot.adjustment.findings import SearchSettings
     from anaplot.orientation.grosserrors import strategy_findings
 
-    settings = SearchSettings(alpha=solution.test.alpha)
-    return strategy_findings(solution, strategy, settings)
+    return strategy_findings(solution, strategy)
 
 
 def errors_line(solution: ModelSolution | None, strategy: str | None) -> str:

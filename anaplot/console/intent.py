@@ -258,10 +258,10 @@ def answer(command: Command, snapshot: Snapshot) -> str:
 def aimed(now: Situation, key: str) -> str:
     """Return what a key does on the overview's model, or "" when it goes to none that is done."""
     model = now.aim
-    if model is None or (
-        (advised := now.snapshot.returning) is not None
-        and ((advised.left, advised.right) == (model.left, model.right))
-    ):
+    advised = now.snapshot.returning
+    if model is None:
+        return ""
+    if advised is not None and (advised.left, advised.right) == (model.left, model.right):
         return ""  # NOW says so anyway
     if model.state == "in work":
         return f"to the table of model {model.name}: {key}"

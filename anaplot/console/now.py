@@ -12,6 +12,7 @@ from anaplot.aliases import Axis
 from anaplot.console.inwork import in_work
 from anaplot.console.keybar import key_in_words
 from anaplot.console.rows import ShownRow
+from anaplot.photogrammetry.readings import AWAY
 from anaplot.session.nextstep import Step, StepKind
 from anaplot.station.snapshot import Snapshot
 
@@ -37,7 +38,6 @@ _KEY: Mapping[StepKind, str] = {
     "return": "drive",
 }
 _BY_LINE: frozenset[StepKind] = frozenset({"measure", "remeasure"})
-_AWAY = ("lost", "reconnecting")  # states of a link over which nothing can be measured
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,7 +142,7 @@ def _text(
     if at is not None and at not in (step.point for step in steps):
         wanted.insert(0, f"measure {at}, then {_shown(keys, 'record')}")
         by_line = [0]
-    if by_line and snapshot.link.state in _AWAY:
+    if by_line and snapshot.link.state in AWAY:
         first = by_line[0]
         wanted[first] = f"wait for the line (look at cable and power), then {wanted[first]}"
     remark = snapshot.agenda.remark

@@ -193,10 +193,9 @@ def _wrong_together(solution: ModelSolution, suspects: tuple[Row, ...]) -> tuple
     if sigma0 is None or sigma0 <= TOO_LARGE * solution.apriori_um or solution.outliers:
         return ()
     # loaded with the first model that asks for it
-    from anaplot.adjustment.findings import SearchSettings
     from anaplot.orientation.grosserrors import strategy_findings
 
-    found = strategy_findings(solution, "search", SearchSettings(alpha=solution.test.alpha))
+    found = strategy_findings(solution, "search")
     left = found.at_end
     if not found.rows or left.redundancy < _LEFT or not _rather_than_noise(solution, found):
         return ()
@@ -258,8 +257,9 @@ def _advice(
     others = {name: p for name, p in points.items() if name != suspect}
     why = ""
     if together:
-        rows = [f"{point} {of}" for point, of in together]
-        named = " and ".join(filter(None, (", ".join(rows[:-1]), rows[-1])))
+        *rows, named = (f"{point} {of}" for point, of in together)
+        if rows:
+            named = f"{', '.join(rows)} and {named}"
         why = f"without {named} all other rows agree"
     elif suspect in solution.outliers:
         why = "without it all other points agree"

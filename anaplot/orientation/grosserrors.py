@@ -118,8 +118,9 @@ def strategy_findings(
 ) -> Findings:
     """Run a strategy on a model as it is oriented.
 
-    "modified" takes its model values from the ideal model with the same points. A remark says so
-    where the a-priori sigma cannot be right.
+    `settings`: None has the significance of the model's test. "modified" takes its model values
+    from the ideal model with the same points. A remark says so where the a-priori sigma cannot be
+    right.
 
     Raises
     ------
@@ -127,6 +128,7 @@ def strategy_findings(
         No such strategy.
     """
     system = residual_system(solution)
+    settings = settings or SearchSettings(alpha=solution.test.alpha)
     found = find_gross_errors(
         system,
         strategy,
@@ -134,12 +136,11 @@ def strategy_findings(
         models=ideal_roots(solution) if strategy == "modified" else None,
     )
     if sigma0_known(sigma_of(strategy)):
-        used = SearchSettings() if settings is None else settings
         name = f"model {solution.left}/{solution.right}"
         try:
             for judged in (None, found):
                 check_scale(
-                    system, judged, used.alpha, AprioriSigma.image_um(name, solution.apriori_um)
+                    system, judged, settings.alpha, AprioriSigma.image_um(name, solution.apriori_um)
                 )
         except ScaleError as error:
             found = replace(found, remarks=(*found.remarks, error.doubt))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 __all__ = [
+    "AWAY",
     "KEY",
     "UNREFERENCED",
     "Fault",
@@ -17,6 +18,9 @@ __all__ = [
 
 UNREFERENCED = "the counters have lost their reference"
 """Why every reading of counters without reference is refused."""
+
+AWAY = ("lost", "reconnecting")
+"""States of an instrument's line over which nothing comes and goes."""
 
 KEY = "key"
 """The switch of a record that the operator's key asked for."""

@@ -7,6 +7,7 @@ from typing import Literal, Protocol
 
 from anaplot.errors import LinkError
 from anaplot.plotter.conversation import Conversation
+from anaplot.plotter.readings import AWAY
 from anaplot.plotter.schema import Footswitch, Profile
 from anaplot.plotter.serialport import SerialPort, find_port, identity_of
 from anaplot.textfiles.wording import plain
@@ -103,7 +104,7 @@ class PortLine:
     @property
     def usable(self) -> bool:
         """Whether bytes can be sent."""
-        return self.state not in ("lost", "reconnecting")
+        return self.state not in AWAY
 
     def send(self, data: bytes) -> None:
         """Send bytes; what is sent is told before."""

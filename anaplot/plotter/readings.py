@@ -1,6 +1,7 @@
 """The readings, under the name by which other programs know them."""
 
 from anaplot.photogrammetry.readings import (
+    AWAY,
     KEY,
     UNREFERENCED,
     Fault,
@@ -12,6 +13,7 @@ from anaplot.photogrammetry.readings import (
 )
 
 __all__ = [
+    "AWAY",
     "KEY",
     "UNREFERENCED",
     "Fault",

@@ -35,7 +35,7 @@ from anaplot.report.document import BLANK, Document, say
 from anaplot.report.journalnote import journal_note
 from anaplot.report.output import Output
 from anaplot.report.running import computed, run_computation
-from anaplot.textfiles.wording import place, quoted
+from anaplot.textfiles.wording import first_of, place, quoted
 
 __all__ = ["applied", "run_adjust", "taken_back"]
 
@@ -124,9 +124,7 @@ def _way_out(names: Sequence[ObservationName]) -> str:
     if any(name[0] != "prior" for name in names):
         parts.append("use = off switches a row of control or a condition off")
     if stated:
-        each = list(dict.fromkeys(stated))
-        more = f" and {len(each) - 6} more" if len(each) > 6 else ""
-        parts.append(f"take {', '.join(each[:6])}{more} out of block.toml")
+        parts.append(f"take {first_of(list(dict.fromkeys(stated)), 6)} out of block.toml")
     return "; ".join(parts) or "what is known of parameters beforehand is stated with them"
 
 

@@ -63,25 +63,22 @@ class NewTarget(argparse.Action):
         """Keep the path."""
         if getattr(namespace, self.dest, None) not in (None, self.default):
             raise argparse.ArgumentError(self, "given twice")
+        self.check(values)
         setattr(namespace, self.dest, values)
+
+    def check(self, path: Path) -> None:
+        """Raise where a path names something else than what is written."""
 
 
 class NewPage(NewTarget):
-    """A page of HTML that a command writes: no name of something that it is not."""
+    """A page of HTML that a command writes."""
 
-    def __call__(
-        self,
-        parser: argparse.ArgumentParser,
-        namespace: argparse.Namespace,
-        values: Any,
-        option_string: str | None = None,
-    ) -> None:
-        """Keep the path."""
-        if values.suffix.lower() in _OTHER_PAGES:
+    def check(self, path: Path) -> None:
+        """Refuse the names of pages of other kinds."""
+        if path.suffix.lower() in _OTHER_PAGES:
             raise argparse.ArgumentError(
-                self, f"{plain(values.name, 60)}: the page is HTML; a browser prints it as PDF"
+                self, f"{plain(path.name, 60)}: the page is HTML; a browser prints it as PDF"
             )
-        super().__call__(parser, namespace, values, option_string)
 
 
 class _AddedLater:

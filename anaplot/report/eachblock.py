@@ -7,7 +7,6 @@ import os
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,7 +19,7 @@ from anaplot.exchange.blockfolder import read_block
 from anaplot.photogrammetry.block import Block
 from anaplot.report.computed import Computed
 from anaplot.report.running import BlockOrFolder
-from anaplot.report.sameasked import digest_of, name_of
+from anaplot.report.sameasked import digest_of, name_of, unwrapped
 from anaplot.report.workplace import place_of, said_how_to_go_on
 from anaplot.shares.address import LOCAL, cluster_address
 from anaplot.shares.work import SharesLostError, carry_out
@@ -145,9 +144,9 @@ def each(
 
 def _check_writes_nothing(compute: Callable[..., Any], options: dict[str, Any]) -> None:
     """Raise where every block would write the same file over."""
-    called: Any = compute
-    while isinstance(called, partial):
-        called, options = called.func, {**called.keywords, **options}
+    called, partials = unwrapped(compute)
+    for one in partials:
+        options = {**one.keywords, **options}
     ours = str(getattr(called, "__module__", "")).startswith("anaplot.")
     for name in _WRITE if ours else ():
         if options.get(name) is not None:

@@ -19,7 +19,7 @@ from anaplot.photogrammetry.imagepoints import ImagePoints
 from anaplot.textfiles.inputfile import open_input
 from anaplot.textfiles.wording import place, plain, reason
 
-__all__ = ["digest_of", "name_of"]
+__all__ = ["digest_of", "name_of", "unwrapped"]
 
 _LARGEST = 4 * 1024**3  # bytes of a file that an option names
 
@@ -51,6 +51,17 @@ def digest_of(what: str, asked: Any, *, names_files: bool = False) -> str:
     return _digest(what, asked, names_files).hex()
 
 
+def unwrapped(
+    compute: Callable[..., Any],
+) -> tuple[Callable[..., Any], tuple[partial[Any], ...]]:
+    """Return the function that is called, and the partial ones around it, the outermost first."""
+    partials: list[partial[Any]] = []
+    while isinstance(compute, partial):
+        partials.append(compute)
+        compute = compute.func
+    return compute, tuple(partials)
+
+
 def name_of(compute: Callable[..., Any]) -> tuple[str, tuple[Any, ...]]:
     """Return the name of a function of a module, and what it is given in part.
 
@@ -59,10 +70,8 @@ def name_of(compute: Callable[..., Any]) -> tuple[str, tuple[Any, ...]]:
     InputError
         It is no such function: its name does not say what it does.
     """
-    parts: list[Any] = []
-    while isinstance(compute, partial):
-        parts += [compute.args, sorted(compute.keywords.items())]
-        compute = compute.func
+    compute, partials = unwrapped(compute)
+    parts = [part for one in partials for part in (one.args, sorted(one.keywords.items()))]
     name = getattr(compute, "__qualname__", "<>")
     of_a_module = isinstance(compute, FunctionType | type) or (
         isinstance(compute, BuiltinFunctionType) and isinstance(compute.__self__, ModuleType)

@@ -8,7 +8,7 @@ from dataclasses import replace
 from anaplot.aliases import Side
 from anaplot.errors import InputError, NotComputableError
 from anaplot.photogrammetry.platetransformation import TITLES
-from anaplot.photogrammetry.readings import UNREFERENCED
+from anaplot.photogrammetry.readings import AWAY, UNREFERENCED
 from anaplot.session import commands
 from anaplot.session.checkpoints import check_points
 from anaplot.session.commands import Command
@@ -128,7 +128,7 @@ def _drive(draft: Draft, point: str) -> None:
 def _record(draft: Draft) -> None:
     if draft.desk.abilities is None:
         raise InputError("no plotter is connected: nothing to record")
-    if draft.seen.line in ("lost", "reconnecting"):
+    if draft.seen.line in AWAY:
         raise InputError(f"the plotter's line is {draft.seen.line}: nothing is recorded over it")
     if draft.desk.referencing is not None:
         raise InputError(UNREFERENCED)

@@ -198,8 +198,9 @@ class Desk:
     def agenda(self) -> Agenda:
         """What the operator may do now, the most urgent first."""
         if self.referencing is not None:
-            needed, _ = self.references
-            return Agenda((), asked_for(self.referencing, self.reference, needed))
+            needed, known = self.references
+            at = self.referencing.proposed(needed, known)
+            return Agenda((), asked_for(self.referencing, at, needed))
         if self.check is not None:
             step = Step("measure", f"check point {self.check}", self.check)
             return Agenda((step,), f"the photos lie anew, {len(self.checks)} to go")

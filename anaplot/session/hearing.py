@@ -8,6 +8,7 @@ from anaplot.adjustment.tested import Observation
 from anaplot.errors import AnaplotError, InputError
 from anaplot.orientation.results import Row
 from anaplot.photogrammetry.readings import (
+    AWAY,
     KEY,
     UNREFERENCED,
     Fault,
@@ -74,7 +75,7 @@ def hear(desk: Desk, heard: Heard, seen: Seen) -> Decision:
         case Refused(_, reason):
             _refused(draft, reason)
         case LinkChanged(line, detail):
-            if line in ("lost", "reconnecting"):
+            if line in AWAY:
                 draft.interrupt()
                 draft.change(pressed=None)
             if line == "lost":

@@ -208,16 +208,16 @@ def _other(one: FlaggedObservation) -> WeakSpot:
 def _of_block(view: BlockView | None) -> Iterator[WeakSpot]:
     if view is None:
         return
-    from anaplot.station.blockview import in_words
+    from anaplot.station.blockview import percent, unless_wrong
 
     others = list(view.others)
     for point in view.suspects:
         # wrong control bends the rays about it, and stands before them
-        while others and others[0].w > abs(point.flagged[0].w):
+        while others and others[0].w > point.size:
             yield _other(others.pop(0))
         accused = point.accused
         where = "" if accused.model is None else f" (model {accused.model})"
-        chance = in_words(accused, view.unless(point))
+        chance = percent(accused.probability) + unless_wrong(view.unless(point))
         words = f"point {point.point} in photo {accused.photo}{where}: {chance}"
         yield WeakSpot(accused.model or "", words)
     yield from map(_other, others)

@@ -17,8 +17,8 @@ __all__ = [
     "FlaggedObservation",
     "SuspectedPoint",
     "SuspectedRay",
-    "in_words",
     "percent",
+    "unless_wrong",
 ]
 
 SURE = 0.99
@@ -86,10 +86,9 @@ class SuspectedRay(NamedTuple):
     probability: float
 
 
-def in_words(ray: SuspectedRay, unless: FlaggedObservation | None) -> str:
-    """Return how sure the block is of a ray; `unless`: what may be wrong in its place."""
-    chance = percent(ray.probability)
-    return chance if unless is None else f"{chance}, unless {unless.what} is wrong"
+def unless_wrong(other: FlaggedObservation | None) -> str:
+    """Return what is added where something may be wrong in a ray's place."""
+    return "" if other is None else f", unless {other.what} is wrong"
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,6 +124,11 @@ class SuspectedPoint:
     def accused(self) -> SuspectedRay:
         """The measurement that is most probably the wrong one."""
         return self.rays[0]
+
+    @property
+    def size(self) -> float:
+        """abs(w) of the flagged coordinate that shows most."""
+        return abs(self.flagged[0].w)
 
     @property
     def certainty(self) -> float:
@@ -222,7 +226,7 @@ class BlockView:
         Wrong control bends the rays about it: of none of them is the block sure then.
         """
         first = self.others[0] if self.others else None
-        return first if first is not None and first.w > abs(point.flagged[0].w) else None
+        return first if first is not None and first.w > point.size else None
 
     def of_earlier_models(self, current: str) -> tuple[SuspectedPoint, ...]:
         """Return the suspects whose accused measurement does not belong to the model `current`."""

@@ -65,14 +65,13 @@ def coverage_of(block: Block) -> Coverage:
 
 def _apart(names: Sequence[str], joined: Iterable[frozenset[str]]) -> tuple[str, ...]:
     """Return the strips that hang together with others than the first measured one."""
-    groups: list[set[str]] = []
-    for strips in set(joined):
-        meeting = [group for group in groups if not group.isdisjoint(strips)]
-        groups = [group for group in groups if group.isdisjoint(strips)]
-        groups.append(set(strips).union(*meeting))
-    measured = [name for name in names if any(name in group for group in groups)]
-    first = next((group for group in groups if measured[0] in group), set())
-    return tuple(name for name in measured if name not in first)
+    different = set(joined)
+    measured = [name for name in names if any(name in strips for strips in different)]
+    reached, grown = set[str](), set(measured[:1])
+    while grown != reached:
+        reached = grown
+        grown = reached.union(*(one for one in different if not one.isdisjoint(reached)))
+    return tuple(name for name in measured if name not in reached)
 
 
 def _strips_of_photos(strips: Iterable[Strip]) -> dict[str, frozenset[str]]:

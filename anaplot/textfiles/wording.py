@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-__all__ = ["describe_type", "hint", "place", "plain", "quoted", "reason"]
+__all__ = ["describe_type", "first_of", "hint", "place", "plain", "quoted", "reason"]
 
 
 def plain(text: str | bytes, limit: int | None = None) -> str:
@@ -48,6 +48,12 @@ def _escape(code: int) -> str:
 def quoted(text: str) -> str:
     """Return text made plain, between quotation marks."""
     return f"'{plain(text, 60)}'"
+
+
+def first_of(names: Sequence[str], most: int, between: str = ", ") -> str:
+    """Return the first of some names, and how many more there are."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return between.join(names[:most]) + more
 
 
 def place(path: Path, line: int | None = None) -> str:

@@ -117,9 +117,10 @@ class SetStatistic(NamedTuple):
 
     @property
     def worst(self) -> Array:
-        """(k,) the error of noncentrality 1 that is largest, in standard deviations."""
+        """(b,) along the axes, the error of noncentrality 1 that is largest."""
         # eigenvalues ascend: the first that is checked at all
-        out: Array = self.axes[:, 0] / np.sqrt(self.values[0])
+        out = np.zeros(len(self.values))
+        out[0] = 1.0 / np.sqrt(self.values[0])
         return out
 
     @property
@@ -252,11 +253,11 @@ def set_statistic(system: BlockResiduals, rows: Index, shares: Array | None = No
 
 
 def _longest(found: SetStatistic, sigma: Array) -> Array:
-    """(k,) the error of noncentrality 1 that is longest in its unit, in standard deviations."""
+    """(b,) along the axes, the error of noncentrality 1 that is longest in its unit."""
     # e = axes z with z' diag(values) z = 1: the longest sigma e is a singular vector
     of_unit = sigma[:, None] * found.axes / np.sqrt(found.values)
     _, _, right = np.linalg.svd(of_unit, full_matrices=False)
-    out: Array = found.axes @ (right[0] / np.sqrt(found.values))
+    out: Array = right[0] / np.sqrt(found.values)
     return out
 
 
@@ -293,8 +294,9 @@ def _tested(
         lambda0 = f_noncentrality(test.alpha, test.power, b, degrees)
         single = noncentrality(test.alpha, test.power) ** 2
         power = f_power(single, test.alpha, b, degrees)
-        error = np.sqrt(lambda0) * (_longest(found, sigma) if one.by_length else found.worst)
-        length = float(np.linalg.norm(error / _measures(system)[rows]))
+        along = np.sqrt(lambda0) * (_longest(found, sigma) if one.by_length else found.worst)
+        length = float(np.linalg.norm(along))
+        error = found.axes @ along
         error *= np.sign(error[np.argmax(np.abs(error))])
         worst = (error * sigma).tolist()
         moved = _moved(block, system, rows, error)

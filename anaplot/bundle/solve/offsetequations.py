@@ -33,6 +33,7 @@ from anaplot.photogrammetry.rotation import (
     rotation_matrix,
     wrapped,
 )
+from anaplot.textfiles.wording import first_of
 
 __all__ = [
     "OffsetCofactors",
@@ -61,10 +62,9 @@ class OffsetsOpenError(NotComputableError):
     """
 
     def __init__(self, names: list[OffsetName]) -> None:
-        listed = ", ".join(name.words for name in names[:6])
-        more = f" and {len(names) - 6} more" if len(names) > 6 else ""
+        listed = first_of([name.words for name in names], 6)
         super().__init__(
-            f"not determined: {listed}{more} of what photos state: nothing else tells it from the "
+            f"not determined: {listed} of what photos state: nothing else tells it from the "
             "orientations; control must, or a standard deviation of it"
         )
 

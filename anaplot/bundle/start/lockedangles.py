@@ -12,6 +12,7 @@ from math import cos, radians
 import numpy as np
 
 from anaplot.bundle.solve.problem import Problem
+from anaplot.textfiles.wording import first_of
 
 __all__ = ["locked_angles"]
 
@@ -29,12 +30,11 @@ def locked_angles(problem: Problem) -> str | None:
     at = np.flatnonzero(observed & (cosine < _LEAST))
     if not len(at):
         return None
-    names = ", ".join(problem.photos[k] for k in at[:_NAMED].tolist())
-    more = f" and {len(at) - _NAMED} more" if len(at) > _NAMED else ""
+    names = first_of([problem.photos[k] for k in at.tolist()], _NAMED)
     least = float(np.degrees(np.arcsin(cosine[at].min())))
     one = len(at) == 1
     return (
-        f"{'photo' if one else 'photos'} {names}{more} {'looks' if one else 'look'} along X, phi "
+        f"{'photo' if one else 'photos'} {names} {'looks' if one else 'look'} along X, phi "
         f"is within {least:.1f} degrees of 90: omega and kappa turn about nearly the same axis "
         "there, and their rotation_sigma says too little of their errors; turn the ground system "
         "about Z, or state the rotations without it"

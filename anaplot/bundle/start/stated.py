@@ -13,6 +13,7 @@ from anaplot.bundle.solve.sorting import order_of
 from anaplot.bundle.start.pull import MOST_TURNED, turn_cosines, turned
 from anaplot.bundle.start.subblock import SubBlock
 from anaplot.photogrammetry.similarity import Similarity, robust_similarity
+from anaplot.textfiles.wording import first_of
 
 __all__ = ["led_from_stated", "stated_remarks"]
 
@@ -75,12 +76,11 @@ def stated_remarks(problem: Problem, state: BlockState) -> list[str]:
     if not wrong:
         return []
     said = []
-    for k in wrong[:_NAMED]:
+    for k in wrong:
         by = [f"{off.position[k]:.3g} m"] if position[k] else []
         by += [f"{np.degrees(off.rotation[k]):.3g} degrees"] if rotation[k] else []
         said.append(f"photo {problem.photos[k]} by {' and '.join(by)}")
-    more = f" and {len(wrong) - _NAMED} more" if len(wrong) > _NAMED else ""
-    return [f"stated orientations are grossly wrong: {', '.join(said)}{more}"]
+    return [f"stated orientations are grossly wrong: {first_of(said, _NAMED)}"]
 
 
 def _in_ground(state: BlockState) -> SubBlock:

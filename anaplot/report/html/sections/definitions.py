@@ -11,6 +11,7 @@ from anaplot.report.document import Column, say
 from anaplot.report.html.captions import caption_of, words_of
 from anaplot.report.html.definitions import Definition, definition_of
 from anaplot.report.html.parts import Defined, Definitions, Report, Section, tables_in
+from anaplot.textfiles.wording import first_of
 
 __all__ = ["columns_shown", "with_definitions"]
 
@@ -63,8 +64,7 @@ def _named(titles: Mapping[str, Iterable[str]]) -> str:
     of: dict[str, list[str]] = {}
     for title, tables in titles.items():
         some = [*dict.fromkeys(_LONG.split(one)[0] for one in tables)]
-        more = f" and {len(some) - _MOST} more" if len(some) > _MOST else ""
-        of.setdefault("; ".join(some[:_MOST]) + more, []).append(title)
+        of.setdefault(first_of(some, _MOST, "; "), []).append(title)
     return "; ".join(
         f"{_listed(some)} ({tables})" if tables else _listed(some) for tables, some in of.items()
     )
