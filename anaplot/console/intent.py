@@ -301,7 +301,7 @@ def _with_row(action: str, now: Situation) -> Intent:
     shown = now.selected
     if shown is None:
         return Say("hint", "no row is selected")
-    if action == "switch_row":
+    if action == "switch_row" and now.measured:
         return commands.Switch(shown.point, shown.axis, now.row_off)
     if action == "details":
         return Read(action)

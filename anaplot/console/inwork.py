@@ -56,8 +56,12 @@ class InWork:
 
     @property
     def needed(self) -> tuple[PointView, ...]:
-        """Those without which the model is not complete: what is only offered is none."""
-        return tuple(view for view in self.points if not view.offered)
+        """Those without which the model is not complete: not what is only offered, or left out."""
+        return tuple(
+            view
+            for view in self.points
+            if not (view.offered or (view.status == "off" and not view.times))
+        )
 
 
 _latest: tuple[Snapshot, InWork] | None = None

@@ -85,6 +85,14 @@ class Situation:
         return other is not None and any(v.point == other.name and v.times for v in views)
 
     @property
+    def measured(self) -> bool:
+        """Whether the selected row's point is measured; what is not is left out as a whole."""
+        return self.selected is not None and any(
+            view.point == self.selected.point and view.times > 0
+            for view in in_work(self.snapshot).points
+        )
+
+    @property
     def row_off(self) -> bool:
         """Whether the selected row is switched off."""
         return self.selected is not None and self.selected.state == "off"

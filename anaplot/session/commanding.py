@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from anaplot.aliases import Side
+from anaplot.aliases import Axis, Side
 from anaplot.errors import InputError, NotComputableError
 from anaplot.photogrammetry.platetransformation import TITLES
 from anaplot.photogrammetry.readings import AWAY, UNREFERENCED
@@ -70,12 +70,7 @@ def decide(desk: Desk, command: Command, seen: Seen) -> Decision:
         case commands.PointAgain(point, times):
             _point_again(draft, point, times)
         case commands.Switch(point, axis, on):
-            mode = draft.desk.mode
-            if mode is None:
-                draft.happen(RowSwitched(point, axis, on))
-            else:
-                before = () if on else mode.additions(point)
-                draft.happen(*before, mode.switch(point, axis, on))
+            _switch(draft, point, axis, on=on)
         case commands.Rename(point, name, side):
             _rename(draft, point, name, side)
         case commands.Undo():
@@ -235,6 +230,20 @@ def _give_reason(draft: Draft, reason: Reason) -> None:
     draft.tell("info", f"{row or changed.model} {what}: {reason}")
     if draft.desk.state.reasons != before:
         draft.ask(WritePoints())
+
+
+def _switch(draft: Draft, point: str, axis: Axis | None, *, on: bool) -> None:
+    mode = draft.desk.mode
+    if mode is None:
+        draft.happen(RowSwitched(point, axis, on))
+        return
+    added = () if on else mode.additions(point)
+    left_out = bool(added) or (not on and point in mode.pending)
+    draft.happen(*added, mode.switch(point, axis, on))
+    if left_out and point in (draft.desk.target, draft.desk.drive_target):
+        # what is left out is not recorded by the next press
+        draft.go_nowhere()
+        draft.advance()
 
 
 def _accept(draft: Draft) -> None:

@@ -61,9 +61,9 @@ class InnerState:
 
     @property
     def pending(self) -> tuple[str, ...]:
-        """The fiducials not measured yet."""
+        """The fiducials not measured yet, but for those that are left out."""
         done = {m.fiducial for m in self.measured}
-        return tuple(name for name in self.fiducials if name not in done)
+        return tuple(n for n in self.fiducials if n not in done and not self.is_off(n))
 
     def measurement(self, fiducial: str) -> MeasuredFiducial | None:
         """Return the latest measurement of a fiducial, or None."""
@@ -104,9 +104,11 @@ class InnerState:
         Raises
         ------
         EventRefusedError
-            It is not measured, or has no rows of its own.
+            The camera has no such fiducial, one row is to be switched of what is not measured, or
+            of what has no rows of its own.
         """
-        if self.measurement(fiducial) is None:
+        known = fiducial in self.fiducials
+        if not known or (axis is not None and self.measurement(fiducial) is None):
             raise EventRefusedError(f"fiducial {fiducial} of {self.name} is not measured")
         if axis is not None and not self.rows:
             raise EventRefusedError(

@@ -120,7 +120,7 @@ def inner_outlook(block: Block, inner: InnerState) -> InnerOutlook:
         next_fiducial: str | None = pending[0]
         words = f"measure fiducial {pending[0]} of {inner.name}"
         steps = (*steps, Step("measure", words, pending[0]))
-        remark = f"{len(pending)} of {len(inner.fiducials)} to go"
+        remark = f"{len(pending)} of {len(pending) + len(inner.measured)} to go"
     elif again is not None:
         next_fiducial = again
         off = Step("switch off", "switch it off", again)

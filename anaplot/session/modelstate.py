@@ -8,7 +8,7 @@ from typing import Self
 
 from anaplot.aliases import Axis, Side
 from anaplot.session.copied import copied
-from anaplot.session.events import OFFERED, PlannedPoint
+from anaplot.session.events import PlannedPoint
 from anaplot.session.innerstate import InnerState
 
 __all__ = ["Measured", "ModelState", "Sighting"]
@@ -178,8 +178,8 @@ class ModelState:
 
     @property
     def _left_out(self) -> set[str]:
-        """Lateral ties and control points that were switched off instead of measured."""
-        return {p.point for p in self.plan if p.role in OFFERED and self.is_off(p.point)}
+        """Points that were switched off, instead of measured or after it."""
+        return {p.point for p in self.plan if self.is_off(p.point)} if self.off else set()
 
     def photo(self, side: Side) -> str:
         """Return the name of a side's photo."""

@@ -133,7 +133,7 @@ def _pair(model: ModelState, suspects: tuple[str, ...]) -> Expectation | None:
     if pending:
         first = pending[0]
         steps = (*again, Step("measure", f"measure {_named(first)}", first.point))
-        to_go = f"{len(pending)} of {len(model.plan)} points to go"
+        to_go = f"{len(pending)} of {len(pending) + len(model.measured)} points to go"
         return Expectation(first.point, Agenda(steps, to_go))
     if not again:
         return None
@@ -156,7 +156,8 @@ def _single(model: ModelState, suspects: tuple[str, ...], there: Side | None) ->
         photo, first = model.photo(side), pending[0]
         if side == model.laid:
             words = f"measure {_named(first)} in photo {photo}"
-            to_go = f"{len(pending)} of {len(model.plan)} points to go"
+            seen = sum(s.side == side for s in model.seen)
+            to_go = f"{len(pending)} of {len(pending) + seen} points to go"
             return Expectation(first.point, Agenda((Step("measure", words, first.point),), to_go))
         lay = Step("lay", f"lay photo {photo} into the comparator")
         return Expectation(None, Agenda((lay,), f"{len(pending)} points to go"), side)

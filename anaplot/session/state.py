@@ -12,7 +12,6 @@ from anaplot.photogrammetry.block import Block
 from anaplot.photogrammetry.platetransformation import TRANSFORMATIONS, PlateTransformation
 from anaplot.session.copied import copied
 from anaplot.session.events import (
-    OFFERED,
     DecisionsTakenOver,
     Event,
     FiducialMeasured,
@@ -440,11 +439,12 @@ def _renamed(state: SessionState, event: PointRenamed) -> ModelState:
 
 
 def _switched(model: ModelState, event: RowSwitched) -> ModelState:
-    planned = model.planned(event.point)
-    offered = planned is not None and planned.role in OFFERED
-    if model.measurement(event.point) is None and not offered:
-        raise EventRefusedError(f"point {event.point} is not measured in model {model.name}")
     axes = model.axes(event.point)
+    if model.measurement(event.point) is None:
+        # what is planned and cannot be measured is left out as a whole
+        whole = event.axis is None or len(axes) == 1
+        if not whole or model.planned(event.point) is None or model.open_inner is not None:
+            raise EventRefusedError(f"point {event.point} is not measured in model {model.name}")
     if event.axis is not None and event.axis not in axes:
         raise EventRefusedError(f"point {event.point} is no tie: it has no x row")
     rows = {(event.point, axis) for axis in axes if event.axis in (None, axis)}

@@ -7,7 +7,7 @@ saw. A replay makes all of it again; wherever the outcome differs, it says where
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -39,7 +39,7 @@ from anaplot.session.events import (
 from anaplot.session.innerwork import InnerOutlook
 from anaplot.session.modes import Mode
 from anaplot.session.repeating import repetition
-from anaplot.session.state import EventRefusedError, SessionState, start
+from anaplot.session.state import EventRefusedError, SessionState, fold, start
 from anaplot.station.payloads import (
     Heard,
     Opened,
@@ -107,7 +107,7 @@ class Replayed:
     Attributes
     ----------
     block
-        The block as it was declared when the session was recorded.
+        The block as it was declared when the session was opened last.
     state
         The final state.
     tables, measurements
@@ -124,10 +124,18 @@ class Replayed:
 
 
 def recorded_block(session: Path, records: Iterable[JournalRecord]) -> Block:
-    """Return the block as declared when the session was recorded: from the journal's first header.
+    """Return the block as it was declared when a session was opened last.
 
-    A point pattern of its own is as it was when a session was last opened with it.
-    Journals without one belong to a folder whose block.toml still says it.
+    What is declared may be changed between two openings: all that was measured before is computed
+    with it from then on. Point patterns of their own are as they were when a session was last
+    opened with them. Journals that declare none belong to a folder whose block.toml still says it.
+
+    Parameters
+    ----------
+    session
+        A journal file, a folder `sessions`, or a block folder.
+    records
+        Of its journal; those of its headers suffice.
 
     Raises
     ------
@@ -135,21 +143,23 @@ def recorded_block(session: Path, records: Iterable[JournalRecord]) -> Block:
         Neither is there, or it is wrong.
     """
     records = tuple(records)
-    for record in records:
-        if record.kind not in OPENING:
-            break
-        said = opened_by(record)
-        if said.block_toml is not None:
-            place = Path(record.file).with_name("block.toml")
-            try:
-                block = parse_block_toml(said.block_toml, place, said.camera_files)
-            except InputError as error:
-                raise refusal(record, str(error)) from None
-            return _with_pattern(block, records)
+    for record in reversed(records):
+        if record.kind in OPENING:
+            said = opened_by(record)
+            if said.block_toml is not None:
+                return _with_pattern(_declared(record, said.block_toml, said.camera_files), records)
     folder = session if session.is_dir() else session.parent
     if folder.name == "sessions":
         folder = folder.parent
     return read_block(folder)
+
+
+def _declared(record: JournalRecord, text: str, cameras: Mapping[str, str]) -> Block:
+    """Return the block that a record declares."""
+    try:
+        return parse_block_toml(text, Path(record.file).with_name("block.toml"), cameras)
+    except InputError as error:
+        raise refusal(record, str(error)) from None
 
 
 def _with_pattern(block: Block, records: Sequence[JournalRecord]) -> Block:
@@ -195,7 +205,7 @@ def replay_session(session: Path, progress: Progress | None = None) -> Replayed:
         measurements += measured and step.difference is None
         if step.difference is not None:
             differences.append(step.difference)
-    return Replayed(block, state, tables, measurements, tuple(differences))
+    return Replayed(state.block, state, tables, measurements, tuple(differences))
 
 
 def replay(
@@ -205,10 +215,13 @@ def replay(
 ) -> Iterator[Step]:
     """Replay records one after another.
 
+    Where a session was opened again with another block.toml, all that happened before is computed
+    with that from there on, as it was when the operator opened it.
+
     Parameters
     ----------
     block
-        As it was declared.
+        Which it is until a record declares it.
     records
         Of one journal, from its beginning.
     pace
@@ -225,6 +238,8 @@ def replay(
         An event does not fit the state: the journal is not of this block.
     """
     desk = Desk.at(start(block))
+    events: list[Event] = []
+    declared: tuple[str, Mapping[str, str]] | None = None
     line = _Decoding()
     snapshots = SnapshotCheck()
     for record in records:
@@ -234,7 +249,11 @@ def replay(
         difference: str | None = None
         compared = False
         if record.kind in OPENING:
-            difference = line.opened(opened_by(record))
+            said = opened_by(record)
+            difference = line.opened(said)
+            if said.block_toml is not None and (said.block_toml, said.camera_files) != declared:
+                declared = said.block_toml, said.camera_files
+                desk = Desk.at(_opened_with(_declared(record, *declared), events, record))
         elif record.kind == "traffic":
             line.traffic(record)
         elif record.kind in EVENT_KINDS:
@@ -246,6 +265,7 @@ def replay(
                 desk = desk.folded(event)
             except EventRefusedError as error:
                 raise InputError(f"{record.file} line {record.line}: {error}") from error
+            events.append(event)
             snapshots.happened(event, desk.state)
             if isinstance(event, InnerAccepted):
                 difference = _accepted_otherwise(event, desk.state, inner)
@@ -272,6 +292,17 @@ def replay(
             if difference is None
             else Difference(record.file, record.line, difference),
         )
+
+
+def _opened_with(block: Block, events: Iterable[Event], record: JournalRecord) -> SessionState:
+    """Return what all that happened before leads to with the block that a record declares."""
+    try:
+        return fold(start(block), events)
+    except EventRefusedError as error:
+        raise InputError(
+            f"{record.file} line {record.line}: what happened before does not fit the block "
+            f"declared here: {error}"
+        ) from error
 
 
 class _Decoding:

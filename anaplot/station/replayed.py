@@ -124,7 +124,7 @@ class ReplayStation(Commanded):
         # as recorded: what lies in the folder today was not there
         state, view = step.desk.state, step.desk.outlook
         self._of_session.update(model.name for model in state.models)
-        self._watch.tell(self._block, state, view, self._of_session)
+        self._watch.tell(state.block, state, view, self._of_session)
         self._desk = step.desk
         self._publish(snapshot_of(replace(step.desk, target=view.next_point), 0, _LINK))
         severity: Severity = "info" if step.difference is None else "error"

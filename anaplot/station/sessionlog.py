@@ -66,7 +66,7 @@ class SessionLog:
 
     @property
     def block(self) -> Block | None:
-        """The block as it was declared when the journal was begun; None where nothing was read."""
+        """The block as it was declared when it was opened last; None where nothing was read."""
         return None if self._log is None else self._log.block
 
 

@@ -12,7 +12,7 @@ from anaplot.photogrammetry.inner import InnerOrientation
 from anaplot.planning.fiducialplan import expected_fiducials
 from anaplot.session.accidents import Accident
 from anaplot.session.desk import Desk
-from anaplot.session.events import OFFERED, Role
+from anaplot.session.events import Role
 from anaplot.session.innerstate import InnerState
 from anaplot.session.innerwork import InnerOutlook, inner_outlook
 from anaplot.session.modelstate import ModelState
@@ -382,8 +382,6 @@ def _points(model: ModelState, view: Outlook, known: Transfer) -> tuple[PointVie
         name = planned.point
         m = measured.get(name)
         status = _status(m is not None, name in flagged, model.is_off(name))
-        if m is None and planned.role in OFFERED and model.is_off(name):
-            status = "off"
         off = tuple(axis for axis in model.axes(name) if (name, axis) in model.off)
         x, y = (planned.xl, planned.yl) if m is None else (m.xl, m.yl)
         times = 0 if m is None else m.times
@@ -401,8 +399,8 @@ def _points(model: ModelState, view: Outlook, known: Transfer) -> tuple[PointVie
 
 
 def _status(measured: bool, flagged: bool, off: bool) -> PointStatus:
-    if not measured:
-        return "pending"
     if off:
         return "off"
+    if not measured:
+        return "pending"
     return "flagged" if flagged else "measured"

@@ -568,11 +568,44 @@ def test_an_inner_orientation_refuses_what_comes_after_it() -> None:
         (Drive("101-1"), "photo 101 (left) has no fiducial 101-1"),
         (AddPoint("new"), "photo 101 (left): inner orientation comes first"),
         (Accept(), "the inner orientation of photo 101 (left) is not determined yet"),
-        (Switch("1", None, False), "fiducial 1 of photo 101 (left) is not measured"),
+        (Switch("1", "x", False), "fiducial 1 of photo 101 (left) is not measured"),
     ):
         assert text in (refusal(bench.desk, command, bench.seen) or "")
     with pytest.raises(NotComputableError):
         bench.give(Accept())
+
+
+@pytest.mark.parametrize("abilities", [DRIVEN, UNDRIVEN])
+def test_what_cannot_be_measured_is_not_asked_for_again(abilities, scene: Scene) -> None:
+    bench = Bench.of(scene.block, abilities)
+    bench.give(NextModel())
+    first, second, *_ = pending = bench.desk.mode.pending
+    bench.give(Drive(first))
+    bench.arrive()
+    bench.give(Switch(first, None, False))
+    assert bench.desk.mode.pending == pending[1:]
+    # a press records the next one, or nothing, but not what is left out
+    assert bench.desk.target != first
+    assert bench.desk.next_name == second
+    to_go = f"{len(pending) - 1} of {len(pending) - 1} points to go"
+    assert bench.desk.expected == f"measure {second}: {to_go}"
+    bench.measure(second)
+    assert [m.point for m in bench.desk.state.current.measured] == [second]
+    bench.give(Undo())
+    bench.give(Undo())
+    assert bench.desk.mode.pending == pending
+
+
+def test_what_cannot_be_measured_in_one_photo_is_left_out_of_both(scene: Scene) -> None:
+    bench = Bench.of(scene.block, DRIVEN_MONO)
+    bench.give(NextModel())
+    first, *others = bench.desk.mode.pending
+    bench.measure(first)
+    bench.give(Switch(first, None, False))
+    for name in others:
+        bench.measure(name)
+    bench.give(NextModel())
+    assert list(bench.desk.mode.pending) == others
 
 
 def test_a_model_begun_in_another_kind_of_instrument(bench: Bench, scene: Scene) -> None:

@@ -26,7 +26,7 @@ from anaplot.session.events import (
     Suspended,
     Undone,
 )
-from anaplot.session.innerwork import acceptance, solve_inner
+from anaplot.session.innerwork import acceptance, inner_outlook, solve_inner
 from anaplot.session.state import EventRefusedError, SessionState, apply, fold, start
 
 SCENE = InnerScene()
@@ -150,7 +150,8 @@ def test_a_fiducial_measured_again_replaces_coordinates_and_is_counted() -> None
 
 def test_fiducials_and_their_rows_are_switched() -> None:
     state = SCENE.chosen()
-    refused(state, FiducialSwitched("101", "1", None, False), "fiducial 1 of photo 101 (left)")
+    refused(state, FiducialSwitched("101", "1", "x", False), "fiducial 1 of photo 101 (left)")
+    refused(state, FiducialSwitched("101", "no", None, False), "fiducial no of photo 101 (left)")
     state = SCENE.fiducials(state)
     one = apply(state, FiducialSwitched("101", "1", "x", False))
     assert inner_of(one).off == {("1", "x")}
@@ -164,6 +165,20 @@ def test_fiducials_and_their_rows_are_switched() -> None:
     again = apply(both, SCENE.fiducial(both, "1"))
     assert inner_of(again).off == frozenset()
     refused(state, FiducialSwitched("102", "1", None, False), "photo 101 (left) comes first")
+
+
+def test_a_fiducial_that_cannot_be_measured_is_left_out() -> None:
+    state = apply(SCENE.chosen(), FiducialSwitched("101", "3", None, False))
+    assert inner_of(state).pending == tuple("1245678")
+    assert inner_outlook(SCENE.block, inner_of(state)).agenda.remark == "7 of 7 to go"
+    back = apply(state, FiducialSwitched("101", "3", None, True))
+    assert back == SCENE.chosen()
+    measured = apply(state, SCENE.fiducial(state, "3"))
+    assert inner_of(measured).off == frozenset()
+    for name in inner_of(state).pending:
+        state = apply(state, SCENE.fiducial(state, name))
+    assert inner_of(state).pending == ()
+    assert len(solve_inner(SCENE.block, inner_of(state)).rows) == 14
 
 
 def test_with_distances_only_a_fiducial_is_switched_as_a_whole() -> None:

@@ -250,11 +250,30 @@ def test_rows_that_do_not_exist_are_not_switched(scene: Scene) -> None:
     state = scene.chosen(1)
     assert state.current is not None
     tie, new = state.current.plan[0].point, state.current.plan[-1].point
-    refused(state, RowSwitched(tie, None, False), f"point {tie} is not measured in model 102/103")
+    for axis in ("x", "y"):
+        refused(state, RowSwitched(tie, axis, False), f"point {tie} is not measured in model 102")
     state = scene.whole(state)
     refused(state, RowSwitched(new, "x", False), f"point {new} is no tie: it has no x row")
     refused(state, RowSwitched("nowhere", "y", False), "point nowhere is not measured")
     refused(scene.start, RowSwitched(tie, None, False), "no model is in the instrument")
+
+
+def test_a_point_that_cannot_be_measured_is_left_out(scene: Scene) -> None:
+    before = scene.chosen(1)
+    assert before.current is not None
+    tie, new = before.current.plan[0].point, before.current.plan[-1].point
+    for point in (tie, new):
+        state = apply(before, RowSwitched(point, None, False))
+        assert state.current is not None
+        assert point not in [p.point for p in state.current.pending]
+        assert len(state.current.pending) == len(before.current.pending) - 1
+        assert apply(state, RowSwitched(point, None, True)) == before
+        # measured after all it counts
+        measured = apply(state, scene.measurement(state, point)).current
+        assert measured is not None
+        assert measured.off == frozenset()
+        whole = apply(scene.whole(state), ModelAccepted("102", "103"))
+        assert point not in {m.point for m in whole.models[-1].measured}
 
 
 def test_a_point_measured_again_is_believed_again(scene: Scene) -> None:

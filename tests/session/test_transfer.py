@@ -293,13 +293,12 @@ def test_models_are_numbered_in_their_own_strip():
     assert (shown.model_number, shown.model_count) == (1, 3)
 
 
-def test_only_what_was_offered_may_be_left_out_unmeasured():
+def test_what_is_neither_planned_nor_offered_is_not_left_out():
     made = synthetic_strip(3, seed=5)
     bench = Bench.of(made.block, DRIVEN, truth=made.truth)
     bench.give(NextModel())
-    pending = bench.desk.mode.pending[0]
     with pytest.raises(EventRefusedError, match="is not measured"):
-        apply(bench.desk.state, RowSwitched(pending, None, False))
+        apply(bench.desk.state, RowSwitched("nowhere", None, False))
 
 
 @pytest.mark.parametrize("role", ["tie", "new", "lateral", "control"])

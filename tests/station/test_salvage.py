@@ -20,6 +20,7 @@ from anaplot.session.events import (
     ModelChosen,
     ModelReopened,
     PlannedPoint,
+    PointAdded,
     PointMeasured,
     PointRenamed,
     ReasonGiven,
@@ -259,20 +260,24 @@ def test_what_rests_on_something_lost_is_left_out_or_assumed(tmp_path):
         FIRST,
         measured("101", "102", "1"),
         RowSwitched("1", None, False),
+        PointAdded(planned("9")),
+        RowSwitched("9", None, False),
         Suspended(),
         Resumed(),
         measured("101", "102", "2"),
         measured("101", "102", "3"),
     )
-    session.damage(1, 4)
+    session.damage(1, 3, 6)
     out = session.salvaged()
     assert out.state.current is not None
     assert [m.point for m in out.state.current.measured] == ["2", "3"]
+    # nobody is to measure again what was off
+    assert out.state.current.pending == ()
     assert not out.state.suspended
-    assert [words.partition("line 4: ")[2] for words in out.left_out] == [
-        "row-switched: point 1 is not measured in model 101/102"
+    assert [words.partition("line 6: ")[2] for words in out.left_out] == [
+        "row-switched: point 9 is not measured in model 101/102"
     ]
-    assert [words.partition("line 7: ")[2] for words in out.assumed] == ["work was resumed"]
+    assert [words.partition("line 9: ")[2] for words in out.assumed] == ["work was resumed"]
 
 
 def test_a_name_given_after_something_lost_is_given_still(tmp_path):
