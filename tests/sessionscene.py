@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,9 +18,28 @@ from anaplot.session.events import (
     PlannedPoint,
     PointMeasured,
 )
+from anaplot.session.modelstate import ModelState
 from anaplot.session.state import SessionState, apply, fold, start
 
-__all__ = ["Scene"]
+__all__ = ["Scene", "however_it_lies"]
+
+
+def however_it_lies(state: SessionState) -> SessionState:
+    """Return a state without how often photos were laid in, which no undo takes back."""
+
+    def model(one: ModelState) -> ModelState:
+        return replace(one, laying=0)
+
+    current, returned = state.current, state.returned
+    if returned is not None and returned.parked is not None:
+        returned = replace(returned, parked=model(returned.parked))
+    return replace(
+        state,
+        layings=0,
+        models=tuple(model(one) for one in state.models),
+        current=None if current is None else model(current),
+        returned=returned,
+    )
 
 
 class Scene:

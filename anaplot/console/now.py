@@ -16,7 +16,7 @@ from anaplot.photogrammetry.readings import AWAY
 from anaplot.session.nextstep import Step, StepKind
 from anaplot.station.snapshot import Snapshot
 
-__all__ = ["NOTHING", "Entered", "Now", "longest_now", "now_of"]
+__all__ = ["NOTHING", "Entered", "Now", "leading", "longest_now", "now_of"]
 
 Entered = Literal["drive", "next_model", "accept", "suspend", "add_point", "return_to"]
 
@@ -116,6 +116,14 @@ def longest_now(
     return max((_text(snapshot, keys, lead, place) for place in places), key=cell_len)
 
 
+def leading(snapshot: Snapshot) -> str:
+    """Return the action with which the model in work goes on, one of `keys.ACTIONS`."""
+    lead = _lead(snapshot)
+    if lead is None:
+        return "next_point"
+    return "next_model" if lead.kind == "lay" else _KEY.get(lead.kind, "next_point")
+
+
 def _lead(snapshot: Snapshot) -> Step | None:
     """Return the step that Enter does."""
     return next((step for step in snapshot.agenda.steps if _enters(step)), None)
@@ -138,7 +146,7 @@ def _text(
     else:
         wanted = [_wanted(step, snapshot, keys, entered=step is lead) for step in steps]
         by_line = [k for k, step in enumerate(steps) if step.kind in _BY_LINE]
-    at = snapshot.target
+    at = None if snapshot.suspended else snapshot.target
     if at is not None and at not in (step.point for step in steps):
         wanted.insert(0, f"measure {at}, then {_shown(keys, 'record')}")
         by_line = [0]

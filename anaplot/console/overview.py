@@ -88,10 +88,17 @@ def model_text(model: ModelStatus, width: int, *, here: bool, following: bool) -
     return fit(f"{start}{state:<11}{figures}", width)
 
 
-def doing(step: NextStep, in_work: bool, keys: Mapping[str, tuple[str, ...]]) -> str:
+def doing(step: NextStep, lead: str | None, keys: Mapping[str, tuple[str, ...]]) -> str:
     """Return the key of what is next, or the command where it is none of the console's.
 
-    `in_work`: a model is. `keys`: those in force, by action.
+    Parameters
+    ----------
+    step
+        What is next.
+    lead
+        The action with which the model in work goes on, see `now.leading`; None without one.
+    keys
+        Those in force, by action.
     """
     if step.do == "adjust":
         return step.command
@@ -99,7 +106,7 @@ def doing(step: NextStep, in_work: bool, keys: Mapping[str, tuple[str, ...]]) ->
         return show_key(keys["drive"][0])
     if step.do == "report":
         return show_key(keys["report"][0])
-    action = "accept" if step.do == "accept" else "next_point" if in_work else "next_model"
+    action = "accept" if step.do == "accept" else lead or "next_model"
     return show_key(keys[action][0])
 
 

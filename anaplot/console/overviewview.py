@@ -19,6 +19,7 @@ from textual.widget import Widget
 
 from anaplot.console.intent import PAGES
 from anaplot.console.inwork import recorded
+from anaplot.console.now import leading
 from anaplot.console.overview import (
     HEADINGS,
     Entry,
@@ -325,7 +326,8 @@ class OverviewView(Horizontal):
         models.show(status)
         if not self._moved:
             models.select(status.next.model)
-        self.query_one(OverviewFoot).show(status, doing(status.next, bool(snapshot.left), keys))
+        lead = leading(snapshot) if snapshot.left else None
+        self.query_one(OverviewFoot).show(status, doing(status.next, lead, keys))
         self._show_map()
 
     def toggle(self, keys: Mapping[str, tuple[str, ...]]) -> None:

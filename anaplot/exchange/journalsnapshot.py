@@ -40,7 +40,7 @@ __all__ = [
 SNAPSHOT = "snapshot"
 PART = "snapshot-part"
 
-VERSION = 2
+VERSION = 3
 """Of what the text says; it rises when the state that it stands for has another form."""
 
 _PART_CHARACTERS = 500_000

@@ -472,7 +472,7 @@ class _Loader:
             },
             {"link": self._link, "limits": limits, "terminator": Octets(4)},
         )
-        if missing := sorted(set(self._axes) - given["command"].names):
+        if missing := sorted(set(self._axes) - given["command"].told):
             raise table.fail(f"does not tell the axis {missing[0]}", "command")
         if self._records[given["in_position"]].kind != "in-position":
             raise table.fail("must be a record of kind in-position", "in_position")

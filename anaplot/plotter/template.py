@@ -89,6 +89,34 @@ class Template:
         """Names of all fields."""
         return frozenset(part.name for part in self.parts if isinstance(part, Field))
 
+    @property
+    def told(self) -> frozenset[str]:
+        """Names whose value can be read back, not its sign alone."""
+        fields = (part for part in self.parts if isinstance(part, Field))
+        return frozenset(field.name for field in fields if field.part != "sign")
+
+    def number(self, match: re.Match[bytes], name: str) -> float:
+        """Return the number that a field told.
+
+        Parameters
+        ----------
+        match
+            Of the `matcher`.
+        name
+            One of `told`.
+
+        Raises
+        ------
+        ValueError
+            It is no number.
+        """
+        mine = {p.part: p for p in self.parts if isinstance(p, Field) and p.name == name}
+        field = mine.get("") or mine["abs"]
+        text = match.group(_group(field)).decode("latin-1")
+        value = float(int(text, 16)) if field.kind in ("x", "X") else float(text)
+        negative = field.part == "abs" and "sign" in mine
+        return -value if negative and match.group(_group(mine["sign"])) == b"-" else value
+
     def render(self, values: Mapping[str, Value]) -> bytes:
         """Fill the template.
 
@@ -146,7 +174,7 @@ class Template:
             if isinstance(part, bytes):
                 source += re.escape(part)
                 continue
-            name = part.name + ("_" + part.part if part.part else "")
+            name = _group(part)
             if name in seen:
                 raise TemplateError(f"{{{part.name}}} twice")
             seen.add(name)
@@ -155,11 +183,16 @@ class Template:
             elif part.kind in ("f", "d"):
                 body = rb" {0,32}+[-+]?\d{1,12}+(?:\.\d{1,12}+)?+"
             elif part.kind in ("x", "X"):
-                body = rb"[0-9A-Fa-f]{1,12}+"
+                body = rb" {0,32}+[-+]?[0-9A-Fa-f]{1,12}+"
             else:
                 body = rb"[^\r\n]{1,32}+"
             source += b"(?P<" + name.encode() + b">" + body + b")"
         return re.compile(bytes(source))
+
+
+def _group(field: Field) -> str:
+    """Name of a field's group in a matcher."""
+    return field.name + ("_" + field.part if field.part else "")
 
 
 def parse_template(text: str) -> Template:

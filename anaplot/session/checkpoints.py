@@ -11,7 +11,7 @@ from anaplot.session.modelstate import ModelState
 from anaplot.session.plates import ReadOut
 from anaplot.session.state import SessionState
 
-__all__ = ["check_points", "gaps"]
+__all__ = ["check_points", "gaps", "points_due"]
 
 _COUNT = 2
 
@@ -19,6 +19,15 @@ _COUNT = 2
 def _unoriented(model: ModelState) -> tuple[Side, ...]:
     """Return the photos that lie there and have no fiducials: nothing says how they lie."""
     return tuple(side for side in model.carriages if model.inner_of(side) is None)
+
+
+def points_due(state: SessionState) -> tuple[str, ...]:
+    """Return the `check_points` of a model whose photos lie anew, or are to: else none.
+
+    In a mono comparator every photo that is laid in is checked then.
+    """
+    model = state.current
+    return () if model is None or model.laying <= state.layings else check_points(state)
 
 
 def check_points(state: SessionState) -> tuple[str, ...]:
@@ -32,18 +41,19 @@ def check_points(state: SessionState) -> tuple[str, ...]:
     if model is None or not (sides := _unoriented(model)):
         return ()
     again = None if state.returned is None else state.returned.point
-    known = {m.point for m in model.used} - {again}
+    known = {m.point for m in model.used}
     if model.mono:
-        known &= {s.point for s in model.seen if s.side in sides}
+        known = {s.point for s in model.seen if s.side in sides and not model.is_off(s.point)}
+    known -= {again}
     doubted, checked = _standing(state, model)
     sound = known - doubted
     if len(sound) < _COUNT:
         sound = known
     order = sorted(sound, key=lambda point: (-checked.get(point, 0.0), point))
     best = order[: max(len(order) // 2, _COUNT)]
-    places = {m.point: (m.xl, m.yl) for m in model.measured}
     if len(best) <= _COUNT:
         return tuple(best)
+    places = {point: model.place_of(sides[0], point) or (0.0, 0.0) for point in best}
     return max(combinations(best, _COUNT), key=lambda pair: dist(*(places[p] for p in pair)))
 
 

@@ -10,7 +10,7 @@ from anaplot.errors import InputError, NotComputableError
 from anaplot.photogrammetry.platetransformation import TITLES
 from anaplot.photogrammetry.readings import AWAY, UNREFERENCED
 from anaplot.session import commands
-from anaplot.session.checkpoints import check_points
+from anaplot.session.checkpoints import check_points, points_due
 from anaplot.session.commands import Command
 from anaplot.session.counters import aim_at_reference, keep_counters, refer
 from anaplot.session.desk import NO_ERRAND, Desk
@@ -30,6 +30,7 @@ from anaplot.session.events import (
 from anaplot.session.heard import Seen
 from anaplot.session.innerwork import InnerOutlook, acceptance
 from anaplot.session.layinganew import laid_anew, return_to
+from anaplot.session.modelstate import ModelState
 from anaplot.session.modes import Fiducials, Pairs, Singles
 from anaplot.session.othernames import still_called, where_elsewhere
 from anaplot.session.plans import plan_of
@@ -85,7 +86,7 @@ def decide(desk: Desk, command: Command, seen: Seen) -> Decision:
             return_to(draft, left, right, point, photo)
         case commands.OtherPhoto():
             model = draft.model()
-            draft.check_instrument(model)
+            draft.check_kind(model)
             _lay_photo(draft, model.photo("right" if model.laid == "left" else "left"))
         case commands.Reference(point):
             refer(draft, point)
@@ -204,7 +205,7 @@ def _undo(draft: Draft) -> None:
         draft.ask(WritePoints())
     if _photos(before) != _photos(after):
         draft.go_nowhere()
-        draft.begin_checks(())
+        draft.begin_checks(points_due(after))
         draft.lay()
     elif _lies(before) != _lies(after) or draft.desk.repeating is not None:
         draft.go_nowhere()
@@ -213,9 +214,14 @@ def _undo(draft: Draft) -> None:
         mode = draft.desk.mode
         if mode is None or not mode.has(draft.desk.target):
             draft.go_nowhere()
-    if any(draft.model().measurement(name) is None for name in draft.desk.checks):
+    if any(not _on_record(draft.model(), name) for name in draft.desk.checks):
         draft.begin_checks(check_points(draft.desk.state))
     draft.tell("info", f"undone: {undone(before, after)}")
+
+
+def _on_record(model: ModelState, point: str) -> bool:
+    """Whether it is known where a point was in a photo that lies there."""
+    return any(model.place_of(side, point) is not None for side in model.carriages)
 
 
 def _give_reason(draft: Draft, reason: Reason) -> None:
@@ -320,8 +326,7 @@ def _lay_photo(draft: Draft, photo: str) -> None:
     draft.go_nowhere()
     draft.lay()
     draft.tell("info", f"photo {photo} lies in the comparator")
-    state = draft.desk.state
-    draft.begin_checks(() if state.returned is None else check_points(state))
+    draft.begin_checks(check_points(draft.desk.state))
     draft.advance()
 
 
@@ -331,6 +336,8 @@ def _add_point(draft: Draft, name: str) -> None:
     if here is None:
         raise InputError("there is no read-out: drive the plates to the new point first")
     draft.check_instrument(model)
+    if draft.desk.drive_target is not None:
+        raise InputError("the plates are still under way")
     draft.happen(PointAdded(mode.added(name, image_of(here, plates_of(draft.desk.state)))))
     draft.redirect(target=name)
 

@@ -17,7 +17,7 @@ from anaplot.photogrammetry.block import ControlPoint
 from anaplot.photogrammetry.readings import Position
 from anaplot.planning.modelplan import Candidates
 from anaplot.session.accidents import Accident, accidents
-from anaplot.session.checkpoints import check_points
+from anaplot.session.checkpoints import check_points, points_due
 from anaplot.session.events import Event
 from anaplot.session.heard import Abilities
 from anaplot.session.modes import Fiducials, Mode, mode_of
@@ -126,7 +126,9 @@ class Desk:
             See `anaplot.session.transfer.Known`.
         """
         chosen = pattern(DEFAULT_PATTERN) if point_pattern is None else point_pattern
-        returned = abilities is not None and state.returned is not None
+        due: tuple[str, ...] = ()
+        if abilities is not None:
+            due = points_due(state) if state.returned is None else check_points(state)
         return cls(
             state,
             outlook(state),
@@ -134,7 +136,7 @@ class Desk:
             abilities,
             Known.of(control, candidates),
             auto_drive,
-            checks=check_points(state) if returned else (),
+            checks=due,
             recomputed=recomputed_models(state),
         )
 

@@ -74,7 +74,8 @@ class ModelState:
     laid
         Which photo lies in the comparator; None when nobody knows, or the model is no mono one.
     laying
-        The how many-th photo of the session that is.
+        The how many-th photo of the session that is; where both photos lie in the instrument, the
+        how many-th model.
     """
 
     strip: str

@@ -144,7 +144,7 @@ def _with_roles(model: ModelState, preceding: ModelState) -> ModelState:
     plan = tuple(copied(point, role=now) for point, now in zip(model.plan, roles, strict=True))
     after = copied(model, plan=plan)
     off = {key for key in model.off if key[1] in after.axes(key[0])}
-    for m in model.measured:
-        if model.is_off(m.point):
-            off |= {(m.point, axis) for axis in after.axes(m.point)}
+    for p in model.plan:
+        if model.is_off(p.point):
+            off |= {(p.point, axis) for axis in after.axes(p.point)}
     return copied(after, off=frozenset(off))

@@ -99,7 +99,8 @@ class SessionState:
     suspended
         Whether work is interrupted.
     layings
-        How many photos were laid into a mono comparator. Nothing takes that back: after an undo
+        How many photos were laid into a mono comparator, or models into another instrument (which
+        counts when the first measurement in them says so). Nothing takes that back: after an undo
         it is not the photo of before that lies there.
     returned
         When the current model is one to which the operator returned, why; else None.
@@ -220,12 +221,14 @@ def _happened(state: SessionState, event: Event) -> SessionState:
             return _undone(state)
         case ModelChosen():
             return state._after(current=_chosen(state, event))
-        case FiducialMeasured() | FiducialSwitched() | InnerAccepted():
+        case FiducialMeasured():
+            return _lying(state._after(current=_inner(state, event)))
+        case FiducialSwitched() | InnerAccepted():
             return state._after(current=_inner(state, event))
         case PointAdded():
             return state._after(current=_added(state, event.planned))
         case PointMeasured():
-            return _with_points(state, _measured(state, event), event.point)
+            return _lying(_with_points(state, _measured(state, event), event.point))
         case PointRenamed():
             return _with_points(state, _renamed(state, event), event.point, event.name)
         case PointRepeated():
@@ -276,8 +279,8 @@ def _undone(state: SessionState) -> SessionState:
         raise EventRefusedError("there is nothing to undo")
     before, history = state._history.popped()
     current = before.current
-    if current is not None and current.laid is not None and current.laying != state.layings:
-        current = copied(current, laid=None)
+    if current is not None and current.laying < state.layings:
+        current = _taken_out(state, current)
     back = before._replace(current=current)
     return copied(state, **back._asdict(), _history=history)
 
@@ -301,7 +304,7 @@ def _chosen(state: SessionState, event: ModelChosen) -> ModelState:
     for p in event.plan:
         _check_role(model, p, known)
     chosen = ModelState(event.strip, event.left, event.right, event.plan, mono=event.mono)
-    chosen = copied(chosen, inner=_inners(state.block, chosen))
+    chosen = copied(_taken_out(state, chosen), inner=_inners(state.block, chosen))
     if not chosen.mono or preceding is None:
         return chosen
     lies = preceding.photos == state.latest and preceding.laying == state.layings
@@ -490,10 +493,16 @@ def _reopened(state: SessionState, event: ModelReopened) -> SessionState:
     return state._after(current=_taken_out(state, model), returned=returned)
 
 
+def _lying(state: SessionState) -> SessionState:
+    """Return the state in which the photos of the current model lie in the instrument."""
+    laying = _current(state).laying
+    return copied(state, layings=laying) if laying > state.layings else state
+
+
 def _taken_out(state: SessionState, model: ModelState) -> ModelState:
     """Return a model whose photos are to be laid in anew: how they lie is not known any more."""
     if not model.mono:
-        return copied(model, inner=_inners(state.block, model))
+        return copied(model, inner=_inners(state.block, model), laying=state.layings + 1)
     # the photo that was laid in last lies there still
     return model if model.laying == state.layings else copied(model, laid=None)
 
@@ -503,10 +512,12 @@ def _accepted_again(state: SessionState, model: ModelState, returned: Return) ->
     models, parked, recomputed = state.models, returned.parked, state.recomputed
     latest: tuple[str, str] | None = model.photos
     changed = not state.unchanged
-    if not changed and not model.carriages:
+    laid = bool(model.carriages) if model.mono else model.laying <= state.layings
+    if not changed and not laid:
         latest = state.latest  # nothing was laid in
     elif changed or model.open_inner is None:
         _oriented(state)
+        state = _lying(state)
         models, parked = replaced(models, parked, model)
         if changed:
             others = tuple(known for known in recomputed if known.photos != model.photos)

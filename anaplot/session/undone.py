@@ -29,7 +29,10 @@ def undone(before: SessionState, after: SessionState) -> str:
         if was is not None and now is not None:
             return f"model {now.name} is in work again instead of {was.name}"
         return "nothing" if was is None else f"model {was.name} is not in work any more"
-    inner = _inner(was, now)
+    if was.laid != now.laid:
+        return "the photo in the comparator is not known any more"
+    # of photos that are to be laid in anew no fiducial is as it was
+    inner = "" if now.laying > after.layings else _inner(was, now)
     if inner:
         return inner
     names = _names(was, now)
@@ -38,8 +41,6 @@ def undone(before: SessionState, after: SessionState) -> str:
     planned = [p.point for p in was.plan if p not in now.plan]
     if planned:
         return f"{_listed(planned)} is not in the plan any more"
-    if was.laid != now.laid:
-        return "the photo in the comparator is not known any more"
     switched = _rows(was.off, now.off, "")
     return _measured(was, now) or switched or f"model {now.name} is as it was before"
 

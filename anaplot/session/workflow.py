@@ -71,6 +71,14 @@ class Outlook:
         return "" if self.too_few and self.next_point is not None else self.problem
 
     @property
+    def complete(self) -> bool:
+        """Whether nothing is left to do in the model, or the inner orientation, but to accept."""
+        if self.next_point is not None or self.next_photo is not None or not self.may_accept:
+            return False
+        measured = None if self.inner is not None or self.leaves else self.solution
+        return measured is None or not measured.unexplained
+
+    @property
     def expected(self) -> str:
         """What the operator is expected to do, one sentence."""
         return self.agenda.sentence

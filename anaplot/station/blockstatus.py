@@ -29,6 +29,7 @@ __all__ = [
     "ModelStatus",
     "StripStatus",
     "WeakSpot",
+    "first_open",
     "standing",
     "status_of",
     "suspected_models",
@@ -269,7 +270,7 @@ def status_of(
         )
         for strip in block.strips
     )
-    opened = next((m.name for strip in strips for m in strip.models if m.state == "open"), "")
+    opened = first_open(strips)
     measured = bool(block.image_points)
     coverage = coverage_of(block)
     if state is not None and ahead is not None:
@@ -282,6 +283,11 @@ def status_of(
         apart = None if state is None else untied(strips, coverage)
         step = following(opened, measured, named, folder, state, held=is_held(block), untied=apart)
     return BlockStatus(strips, recomputed, view, coverage, step, accidents, ways_to_open(block))
+
+
+def first_open(strips: Iterable[StripStatus]) -> str:
+    """Return the name of the first model that is not measured, or ""."""
+    return next((m.name for strip in strips for m in strip.models if m.state == "open"), "")
 
 
 def _surest(accidents: BlockAccidents, models: Sequence[ModelState]) -> FiledAccident | None:

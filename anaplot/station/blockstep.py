@@ -100,11 +100,13 @@ def following(
     """
     opening = f"anaplot open {folder}"
     if state is not None and state.current is not None and ahead is not None:
-        model = state.current.name
+        model, lay = state.current, ahead.next_photo
         inner = "" if ahead.inner is None else ahead.inner.state.photo
-        if ahead.next_point is None and ahead.may_accept:
-            return NextStep("accept", opening, model, inner=inner)
-        return NextStep("measure", opening, model, point=ahead.next_point or "", inner=inner)
+        photo = "" if lay is None else model.photo(lay)
+        if ahead.complete:
+            return NextStep("accept", opening, model.name, inner=inner)
+        point = ahead.next_point or ""
+        return NextStep("measure", opening, model.name, photo, point, inner=inner)
     if view is not None:
         from anaplot.station.returnadvice import surely_wrong
 

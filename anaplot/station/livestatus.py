@@ -14,6 +14,7 @@ from anaplot.station.blockstatus import (
     BlockStatus,
     ModelStatus,
     StripStatus,
+    first_open,
     standing,
     suspected_models,
     untied,
@@ -103,7 +104,10 @@ class LiveStatus:
             waits = waiting(state)
             if waits is not None:
                 strips = tuple(_with_waiting(strip, waits) for strip in strips)
-        opened = "" if ahead.next_model is None else "/".join(ahead.next_model[1:])
+        # the next key begins what the session has not measured, unless all is measured elsewhere
+        opened = ""
+        if ahead.next_model is not None and first_open(strips):
+            opened = "/".join(ahead.next_model[1:])
         measured, held = bool(block.image_points), is_held(block)
         apart = untied(strips, self._coverage)
         step = following(

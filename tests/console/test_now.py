@@ -9,7 +9,7 @@ from consolefake import picture
 from testedrows import with_rows
 
 from anaplot.console.keymap import keys_in_force
-from anaplot.console.now import Now, longest_now, now_of
+from anaplot.console.now import Now, leading, longest_now, now_of
 from anaplot.console.rows import ShownRow, shown_rows
 from anaplot.session.nextstep import Agenda, Step
 from anaplot.station.snapshot import LinkView, Snapshot
@@ -89,6 +89,13 @@ def by_hand(snapshot: Snapshot, point: str) -> ShownRow:
             Now("work is suspended: resume: p", "suspend", None, ("103", "y")),
         ),
         (
+            # nothing is recorded meanwhile where the plates stand
+            shown(
+                Agenda((Step("resume", "work is suspended: resume"),)), suspended=True, target="110"
+            ),
+            Now("work is suspended: resume: p", "suspend", None, ("103", "y")),
+        ),
+        (
             shown(Agenda((Step("add", "add points"),), "not determined"), gross=False),
             Now("add points: + (not determined)", "add_point"),
         ),
@@ -96,6 +103,21 @@ def by_hand(snapshot: Snapshot, point: str) -> ShownRow:
 )
 def test_what_is_to_be_done_now(snapshot: Snapshot, now: Now) -> None:
     assert now_of(snapshot, KEYS) == now
+
+
+@pytest.mark.parametrize(
+    ("step", "action"),
+    [
+        (MEASURE, "next_point"),
+        (AGAIN, "next_point"),
+        (Step("lay", "lay photo 102 into the comparator"), "next_model"),
+        (Step("accept", "accept"), "accept"),
+        (Step("add", "add points"), "add_point"),
+        (Step("resume", "work is suspended: resume"), "suspend"),
+    ],
+)
+def test_with_which_key_the_model_goes_on(step: Step, action: str) -> None:
+    assert leading(shown(Agenda((step,)))) == action
 
 
 def test_what_enter_does_is_said_of_a_row_selected_by_hand_too() -> None:

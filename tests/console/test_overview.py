@@ -29,7 +29,7 @@ from anaplot.station.coverage import Coverage
 SIZES = [(80, 24), (160, 50)]
 KEYS = {name: (key,) for name, key in (
     ("next_model", "g"), ("accept", "a"), ("next_point", "n"), ("drive", "enter"),
-    ("report", "W"),
+    ("report", "W"), ("add_point", "+"), ("suspend", "p"),
 )}  # fmt: skip
 
 
@@ -157,19 +157,22 @@ def test_the_foot_names_points_for_weak_photos_where_there_is_room():
 
 
 @pytest.mark.parametrize(
-    ("step", "in_work", "key"),
+    ("step", "lead", "key"),
     [
-        (NextStep("measure", "c", "1/2"), False, "g"),
-        (NextStep("measure", "c", "1/2", point="7"), True, "n"),
-        (NextStep("accept", "c", "1/2"), True, "a"),
-        (NextStep("return", "c", "1/2"), False, "enter"),
-        (NextStep("tie", "c", "1/2", strip="2"), False, "enter"),
-        (NextStep("adjust", "anaplot adjust c"), False, "anaplot adjust c"),
-        (NextStep("report", "anaplot report c"), False, "W"),
+        (NextStep("measure", "c", "1/2"), None, "g"),
+        (NextStep("measure", "c", "1/2", point="7"), "next_point", "n"),
+        (NextStep("measure", "c", "1/2", "2"), "next_model", "g"),
+        (NextStep("measure", "c", "1/2"), "suspend", "p"),
+        (NextStep("measure", "c", "1/2"), "add_point", "+"),
+        (NextStep("accept", "c", "1/2"), "next_point", "a"),
+        (NextStep("return", "c", "1/2"), None, "enter"),
+        (NextStep("tie", "c", "1/2", strip="2"), None, "enter"),
+        (NextStep("adjust", "anaplot adjust c"), None, "anaplot adjust c"),
+        (NextStep("report", "anaplot report c"), None, "W"),
     ],
 )
-def test_what_is_next_has_its_key(step, in_work, key):
-    assert doing(step, in_work, KEYS) == key
+def test_what_is_next_has_its_key(step, lead, key):
+    assert doing(step, lead, KEYS) == key
 
 
 def test_the_map_has_a_sign_for_every_model():

@@ -70,3 +70,23 @@ def test_the_matcher_reads_back_what_was_written(x, y):
     assert match is not None
     assert abs(float(match["x"]) - x) <= 5.1e-5
     assert abs(float(match["y"]) - y) <= 5.1e-5
+
+
+@given(st.floats(-999.9, 999.9), st.integers(-99_999, 99_999), st.floats(-99.9, 99.9))
+def test_numbers_are_read_back_in_every_form(x, y, z):
+    template = parse_template("{x.sign}{x.abs:08.3f} {y:x} {z:+8.2f}")
+    assert template.told == {"x", "y", "z"}
+    match = template.matcher().fullmatch(template.render({"x": x, "y": y, "z": z}))
+    assert match is not None
+    assert abs(template.number(match, "x") - x) <= 5.1e-4
+    assert template.number(match, "y") == y
+    assert abs(template.number(match, "z") - z) <= 5.1e-3
+
+
+def test_a_sign_alone_tells_no_number():
+    template = parse_template("{x.sign} {y.abs:d} {z}")
+    assert template.told == {"y", "z"}
+    match = template.matcher().fullmatch(b"- 12 a")
+    assert match is not None
+    with pytest.raises(ValueError, match="could not convert"):
+        template.number(match, "z")

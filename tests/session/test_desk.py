@@ -191,6 +191,11 @@ def test_without_an_instrument_one_looks_on(scene: Scene) -> None:
 def test_a_point_beyond_the_plan(bench: Bench) -> None:
     bench.give(NextModel())
     bench.seen = replace(bench.seen, position=Position(1.0, 2.0, -90.0, 2.0))
+    # where the drive ends it would not be this point
+    with pytest.raises(InputError, match="the plates are still under way"):
+        bench.give(AddPoint("extra"))
+    bench.arrive()
+    bench.seen = replace(bench.seen, position=Position(1.0, 2.0, -90.0, 2.0))
     bench.give(AddPoint("extra"))
     assert bench.desk.target == "extra"
     model = bench.desk.state.current

@@ -9,7 +9,7 @@ from deskscene import DRIVEN, DRIVEN_MONO, UNDRIVEN, Bench, refusal
 from hypothesis import given
 from hypothesis import strategies as st
 from innerscene import InnerScene
-from sessionscene import Scene
+from sessionscene import Scene, however_it_lies
 
 from anaplot.errors import InputError
 from anaplot.orientation.results import ModelSolution
@@ -79,12 +79,8 @@ def test_a_model_left_as_it_was_changes_nothing(model: int, by_undo: bool) -> No
     assert state.returned is not None
     assert state.returned.parked == THREE.current
     after = apply(state, Undone() if by_undo else ModelAccepted(*photos))
-    assert (after.models, after.current, after.returned, after.recomputed) == (
-        THREE.models,
-        THREE.current,
-        None,
-        (),
-    )
+    assert (after.models, after.returned, after.recomputed) == (THREE.models, None, ())
+    assert however_it_lies(after).current == however_it_lies(THREE).current
     assert rows_of(after.models) == rows_of(THREE.models)
 
 
@@ -102,7 +98,7 @@ def test_the_same_values_again_give_the_same_tables(which: set[int]) -> None:
         {k % len(state.current.plan) for k in which}
     )
     assert recomputed_models(after) == ()
-    assert after.current == THREE.current
+    assert however_it_lies(after).current == however_it_lies(THREE).current
 
 
 def test_a_model_keeps_its_place_and_those_after_it_are_computed_anew() -> None:
@@ -150,9 +146,9 @@ def test_every_step_of_a_return_can_be_taken_back() -> None:
     assert states[3].returned is not None
     assert states[3].returned.point is None
     assert states[4].returned is None
-    assert states[4].current == THREE.current
+    assert however_it_lies(states[4]).current == however_it_lies(THREE).current
     for before, after in zip(states[-2::-1], states[:0:-1], strict=True):
-        assert apply(after, Undone()) == before
+        assert however_it_lies(apply(after, Undone())) == however_it_lies(before)
 
 
 @pytest.mark.parametrize(

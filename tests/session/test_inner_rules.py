@@ -8,6 +8,7 @@ from math import inf, nan
 from hypothesis import given
 from hypothesis import strategies as st
 from innerscene import InnerScene
+from sessionscene import however_it_lies
 from test_session_rules import refused
 
 from anaplot.errors import NotComputableError
@@ -230,8 +231,9 @@ def test_undo_works_through_it() -> None:
     states.append(SCENE.accepted(states[-1]))
     states.append(apply(states[-1], SCENE.fiducial(states[-1], "1")))
     for before, after in zip(states[-2::-1], states[:0:-1], strict=True):
-        assert apply(after, Undone()) == before
-    assert fold(states[-1], [Undone()] * (len(states) - 1)) == SCENE.start
+        assert however_it_lies(apply(after, Undone())) == however_it_lies(before)
+    back = fold(states[-1], [Undone()] * (len(states) - 1))
+    assert however_it_lies(back) == SCENE.start
 
 
 def test_a_whole_strip() -> None:
@@ -303,7 +305,7 @@ def test_the_fold_is_pure_and_undo_its_exact_inverse(steps: list[Draft]) -> None
     assert fold(SCENE.start, events)._history == state._history
     for before, event, after in zip(states, events, states[1:], strict=False):
         if not isinstance(event, Undone | Suspended | Resumed):
-            assert apply(after, Undone()) == before
+            assert however_it_lies(apply(after, Undone())) == however_it_lies(before)
     for seen in states:
         if seen.current is None:
             continue

@@ -340,7 +340,7 @@ def test_damage_before_a_snapshot_is_refused_as_ever(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new"),
     [
-        (b'"version":2', b'"version":1'),
+        (b'"version":3', b'"version":1'),
         (b'"format":1', b'"format":2'),
         (b'"parts":1', b'"parts":2'),
         (b'"part_bytes":', b'"part_bytes":1'),

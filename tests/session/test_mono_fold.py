@@ -232,7 +232,7 @@ def test_what_holds_in_every_state(steps: list[Draft]) -> None:
             s.point for s in model.seen if s.side == "right"
         }
         assert [m.point for m in model.measured] == [p.point for p in model.plan if p.point in both]
-        assert {point for point, _ in model.off} <= both
+        assert {point for point, _ in model.off} <= {p.point for p in model.plan}
         outlook(state)
     assert fold(SCENE.start, events) == state
     while state.may_undo:

@@ -10,11 +10,11 @@ from sessionscene import Scene
 
 from anaplot.cli import command_parser
 from anaplot.errors import NotComputableError
-from anaplot.photogrammetry.block import ControlPoint, ImagePoint, Strip
+from anaplot.photogrammetry.block import ControlPoint, ImagePoint, Strip, TestSettings
 from anaplot.session.desk import Desk
 from anaplot.session.events import ModelAccepted, ModelReopened, RowSwitched
 from anaplot.session.models import solve
-from anaplot.session.state import SessionState, apply, fold
+from anaplot.session.state import SessionState, apply, fold, start
 from anaplot.session.workflow import outlook
 from anaplot.station.blockstatus import (
     BlockStatus,
@@ -294,6 +294,28 @@ def test_models_from_elsewhere_are_accepted_and_control_is_seen() -> None:
     assert live.coverage == (0, 2, 1, ())
     # the session has not measured it: that is what its next key does
     assert live.next.model == "101/102"
+    whole = replace(block, image_points=all_rows(day))
+    assert whole.image_points
+    live = LiveStatus("b").now(whole, Desk.at(start), None, day.keeper.update(whole, start))
+    assert states(live) == ["accepted"] * 3
+    assert live.next == status_of(whole, None, None, "b").next
+    assert live.next.do == "adjust"
+
+
+def all_rows(day: Day) -> tuple[ImagePoint, ...]:
+    """The rows of a whole strip."""
+    state = day.scene.chosen(2)
+    return day.scene.rows(day.scene.whole(state))
+
+
+def test_a_model_whose_sigma0_nothing_explains_is_not_next_to_be_accepted() -> None:
+    day = Day()
+    precision = replace(day.scene.block.precision, image_um=0.5)
+    day.scene.block = replace(day.scene.block, precision=precision, test=TestSettings("tau"))
+    day.state = start(day.scene.block)
+    day.measure(0)
+    found = day.same()
+    assert (found.next.do, found.next.model, found.next.point) == ("measure", "101/102", "")
 
 
 def test_lateral_ties_and_control_are_those_of_the_photos_that_see_them() -> None:

@@ -46,7 +46,10 @@ class PseudoTerminal:
         if self._name.exists() and not self._name.is_symlink():
             raise InputError(f"{plain(str(self._name), 120)}: exists and is no symbolic link")
         if self._name.is_symlink() and self._name.exists() and _is_foreign(self._name):
-            raise InputError(f"{plain(str(self._name), 120)}: is another plotter's line")
+            raise InputError(
+                f"{plain(str(self._name), 120)}: leads to a terminal that is in use; name another "
+                "line, or remove it where its plotter runs no more"
+            )
         temporary = self._name.with_name(f".{self._name.name}.{os.getpid()}")
         with contextlib.suppress(FileNotFoundError):
             temporary.unlink()

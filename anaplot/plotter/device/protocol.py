@@ -172,12 +172,17 @@ class DeviceProtocol:
         match = self._command.fullmatch(payload)
         if match is None:
             return NotUnderstood()
-        return MoveTo(
-            tuple(
-                float(match.group(name)) * axis.scale * axis.direction
-                for name, axis in self._profile.axes.items()
+        drive = self._profile.drive
+        assert drive is not None
+        try:
+            return MoveTo(
+                tuple(
+                    drive.command.number(match, name) * axis.scale * axis.direction
+                    for name, axis in self._profile.axes.items()
+                )
             )
-        )
+        except ValueError:
+            return NotUnderstood()
 
     def within_travel(self, axes: tuple[float, ...]) -> bool:
         """Return whether axis values [mm] lie within the limits of the drive."""
