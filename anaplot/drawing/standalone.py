@@ -6,7 +6,15 @@ from anaplot.drawing.drawing import Drawing
 from anaplot.drawing.palette import declarations
 from anaplot.drawing.style import STYLE
 
-__all__ = ["standalone"]
+__all__ = ["is_standalone", "standalone"]
+
+_BEGINS = '<?xml version="1.0" encoding="UTF-8"?>\n'
+_STYLES = "<style>\nsvg"
+
+
+def is_standalone(head: bytes) -> bool:
+    """Return whether a file that begins like this is one of them."""
+    return head.startswith(f"{_BEGINS}<svg".encode()) and _STYLES.encode() in head
 
 
 def standalone(drawing: Drawing) -> str:
@@ -15,15 +23,9 @@ def standalone(drawing: Drawing) -> str:
     Nothing is fetched; the fonts are those of the reader's system.
     """
     style = (
-        f"<style>\nsvg{{{declarations('light')}}}\n"
+        f"{_STYLES}{{{declarations('light')}}}\n"
         f"@media (prefers-color-scheme: dark){{svg{{{declarations('dark')}}}}}\n"
         f"{STYLE}</style>"
     )
     end = drawing.svg.index(">") + 1
-    return (
-        '<?xml version="1.0" encoding="UTF-8"?>\n'
-        + drawing.svg[:end]
-        + style
-        + drawing.svg[end:]
-        + "\n"
-    )
+    return _BEGINS + drawing.svg[:end] + style + drawing.svg[end:] + "\n"

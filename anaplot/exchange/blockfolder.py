@@ -25,6 +25,7 @@ from anaplot.exchange.conditionscsv import (
     parse_distances,
 )
 from anaplot.exchange.controlcsv import GroundPoints, format_control, parse_control
+from anaplot.exchange.journalread import SESSIONS
 from anaplot.exchange.patternfile import format_pattern, read_pattern
 from anaplot.photogrammetry.block import Block, ControlPoint, ImagePoint, ImagePoints, PointPrior
 from anaplot.textfiles.csvtable import MAX_CSV_BYTES
@@ -328,10 +329,13 @@ def write_block(folder: Path, block: Block, *, text: str | None = None) -> None:
     ValueError
         There are other conditions.
     InputError
-        One of the files is there already, or they cannot be written; no part of them is left.
+        One of the files of a block is there already, or its sessions, or they cannot be written; no
+        part of them is left.
     """
     _, points, _ = block_files(folder)
-    there = next((path for path in block_files(folder) if os.path.lexists(path)), None)
+    # what lies there of another block would be part of this one
+    others = (folder / name for name in (*MORE_FILES, SESSIONS))
+    there = next((path for path in (*block_files(folder), *others) if os.path.lexists(path)), None)
     if there is not None:
         raise InputError(f"{place(there)}: exists already and is not overwritten")
     with all_or_nothing():

@@ -12,11 +12,12 @@ import secrets
 import shutil
 import zipfile
 import zlib
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path, PurePosixPath
 
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import MORE_FILES, block_files, read_block
+from anaplot.exchange.formats.door import SOURCE
 from anaplot.exchange.journalread import SESSIONS, numbered_files
 from anaplot.exchange.patternfile import is_pattern_file
 from anaplot.photogrammetry.block import Block
@@ -40,7 +41,7 @@ _CHUNK = 1 << 20
 
 
 def pack_block(folder: Path, target: Path) -> tuple[str, ...]:
-    """Write a block as one new file: settings, measurements, control, cameras and journal.
+    """Write a block as one new file: all its files, its journal, and what it was imported from.
 
     Parameters
     ----------
@@ -57,12 +58,19 @@ def pack_block(folder: Path, target: Path) -> tuple[str, ...]:
     Raises
     ------
     InputError
-        The block cannot be read, a camera or pattern file stands outside of its folder, or the file
-        exists or cannot be written.
+        The block cannot be read, a camera or pattern file stands outside of its folder or has a
+        name that some systems do not take, or the file exists or cannot be written.
     """
     if os.path.lexists(target):
         raise InputError(f"{place(target)}: exists already and is not overwritten")
     names = _names(folder, read_block(folder))
+    wrong = next((name for name in names if not _harmless(name)), None)
+    if wrong is not None:
+        raise InputError(
+            f"{place(folder)}: {quoted(wrong)} is no file name on every system: rename it"
+        )
+    if len(names) > _MOST_FILES:
+        raise InputError(f"{place(folder)}: more than {_MOST_FILES} files")
     packed = io.BytesIO()
     total, listed = 0, {}
     with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as pack:
@@ -117,7 +125,15 @@ def _names(folder: Path, block: Block) -> tuple[str, ...]:
     if os.path.lexists(folder / SESSIONS):
         numbered, _ = numbered_files(folder / SESSIONS)
         names += [f"{SESSIONS}/{numbered[number].name}" for number in sorted(numbered)]
+    names += sorted(path.relative_to(folder).as_posix() for path in _of_source(folder))
     return tuple(names)
+
+
+def _of_source(folder: Path) -> Iterator[Path]:
+    """Yield the files from which a block was imported; its exports begin with them."""
+    for path in (folder / SOURCE).rglob("*"):
+        if path.is_file() and not path.is_symlink():
+            yield path
 
 
 def _beside(folder: Path, what: str, file: str, names: Collection[str]) -> list[str]:

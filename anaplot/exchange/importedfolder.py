@@ -40,7 +40,7 @@ def write_imported(folder: Path, imported: Imported, read: Path) -> None:
     with all_or_nothing():
         make_folder(folder)
         source = folder / SOURCE
-        if imported.source and os.path.lexists(source):
+        if os.path.lexists(source):
             raise InputError(f"{place(source)}: exists already and is not overwritten")
         for name, path in imported.source.items():
             target = source.joinpath(*name.split("/"))

@@ -9,6 +9,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from anaplot.exchange.rejectedrows import own_text
 from anaplot.photogrammetry.block import Block, Camera, Strip
 from anaplot.photogrammetry.selection import model_name, model_splits
 from anaplot.textfiles.csvtable import MAX_CSV_BYTES, CsvColumns, read_csv
@@ -42,14 +43,17 @@ PIXELS = ("x_px", "y_px")
 USE = Word("xy", "x", "y", "off")
 """Which coordinates of a row count."""
 _HEADER = 10_000  # bytes
+_MOST_REASON = 400
 
 
 class _Reason(Text):
-    """What a person says of a row: text of one line."""
+    """What a person says of a row: text of one line; strategies may have put something before."""
 
     def of(self, value: Any) -> str:
         """Return the text."""
         text = super().of(value)
+        if len(text) > _MOST_REASON and len(own_text(text)) > _MOST_REASON:
+            raise WrongValueError(f"is longer than {_MOST_REASON} characters")
         if not text.isprintable():
             raise WrongValueError("holds a character that cannot be printed")
         if text != text.strip():
@@ -57,7 +61,7 @@ class _Reason(Text):
         return text
 
 
-REASON = Blank(_Reason(empty=False))
+REASON = Blank(_Reason(10 * _MOST_REASON, empty=False))
 """Why a row does not count, or blank."""
 
 

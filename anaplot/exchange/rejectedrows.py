@@ -19,6 +19,7 @@ __all__ = [
     "chain",
     "last_times",
     "next_time",
+    "own_text",
     "rejected_axes",
     "rejecting_reason",
     "rejects",
@@ -40,6 +41,13 @@ def said_by(reason: str | None) -> SwitchedBy | None:
     """Return the strategy whose reason that is; None of a person's, and where there is none."""
     match = _BEFORE.fullmatch(reason) if reason else None
     return None if match is None else _strategy(match)
+
+
+def own_text(reason: str) -> str:
+    """Return what a person says in a reason, without what strategies have put before it."""
+    while (match := _BEFORE.fullmatch(reason)) and _strategy(match) is not None:
+        reason = match["reason"] or ""
+    return reason
 
 
 def rejects(row: ImagePoint) -> bool:

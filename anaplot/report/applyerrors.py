@@ -85,9 +85,10 @@ def run_adjust(options: argparse.Namespace) -> int:
         _write(folder, before, rows)
     count = sum(now.use != then.use for now, then in zip(rows, before, strict=True))
     document = found.document
+    done = f"{counted(count, 'image point is', 'image points are')} switched off"
     said = say(
-        "{} switched off in image_points.csv, with the reason {}; {}--apply-undo takes that back",
-        counted(count, "image point is", "image points are"),
+        "{} in image_points.csv, with the reason {}; {}--apply-undo takes that back",
+        done,
         " or ".join(_reasons(options)),
         "" if options.datum == "control" else f"--datum {options.datum} ",
     )
@@ -103,7 +104,7 @@ def run_adjust(options: argparse.Namespace) -> int:
                 _way_out(names),
             ),
         )
-    output.show(Document(answer, page, document.tables))
+    output.show_done(Document(answer, page, document.tables), f"{done} in image_points.csv")
     return 1 if found.flagged and options.fail_on_flag else 0
 
 
@@ -146,7 +147,8 @@ def _undone(options: argparse.Namespace, output: Output, before: Sequence[ImageP
         raise
     document = found.document
     page = (say("{} in image_points.csv", said), BLANK, *document.page)
-    output.show(Document({**document.answer, "taken_back": count}, page, document.tables))
+    answer = {**document.answer, "taken_back": count}
+    output.show_done(Document(answer, page, document.tables), f"{said} in image_points.csv")
     return 1 if found.flagged and options.fail_on_flag else 0
 
 

@@ -12,6 +12,7 @@ from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.hypotheses.controlpages import ControlPage, ControlPart, control_pages
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.externalreliability import external_reliability
+from anaplot.bundle.solve.problem import Datum
 from anaplot.exchange.formats.door import (
     AdjustedResult,
     ControlResult,
@@ -29,12 +30,13 @@ from anaplot.report.adjusttables import (
 )
 from anaplot.report.document import Table, plain_values
 from anaplot.report.raytables import image_point_table
+from anaplot.station.coverage import is_held
 
 __all__ = ["adjusted_result"]
 
 
 def adjusted_result(block: Block, progress: Progress | None = None) -> AdjustedResult:
-    """Adjust a block as `adjust` does: on its control, without any as a free network.
+    """Adjust a block as `adjust` does: on what holds it, without any as a free network.
 
     Parameters
     ----------
@@ -48,9 +50,8 @@ def adjusted_result(block: Block, progress: Progress | None = None) -> AdjustedR
     NotComputableError
         As `adjust_block`.
     """
-    held = any(row.use == "control" for row in block.control)
-    prior = any(photo.position_sigma is not None for photo in block.photos)
-    adjusted = adjust_block(block, datum="control" if held or prior else "free", progress=progress)
+    datum: Datum = "control" if is_held(block) else "free"
+    adjusted = adjust_block(block, datum=datum, progress=progress)
     problem, cofactors = adjusted.problem, adjusted.cofactors
     counts = np.ones((len(problem.photo), 2), dtype=bool)
     if problem.rejected is not None:

@@ -126,7 +126,8 @@ def _apply(
     rows = merged(measured, photos, replace=options.replace)
     document = applied_document(measured, groups, photos, _without_points(files, measured.photos))
     write(measured, rows)
-    output.show(document)
+    _, points, _ = block_files(options.apply)
+    output.show_done(document, f"the points are written into {place(points)}")
     return 1 if options.fail_on_flag and _wrong(found) else 0
 
 

@@ -17,6 +17,7 @@ from anaplot.report.ascsv import csv_text
 from anaplot.report.asjson import json_parts, json_text
 from anaplot.report.astext import page_parts
 from anaplot.report.document import Document, Table
+from anaplot.report.streams import system_message
 from anaplot.textfiles.inputfile import read_bytes, real_path
 from anaplot.textfiles.wholefile import (
     all_or_nothing,
@@ -99,6 +100,34 @@ class Output(NamedTuple):
         """Write the files that were asked for and print the document."""
         self.write(document)
         self.print(document)
+
+    def show_done(self, document: Document, done: str) -> None:
+        """Show the document of a command that has changed something already.
+
+        Parameters
+        ----------
+        document
+            What is shown.
+        done
+            What was changed, in words.
+
+        Raises
+        ------
+        InputError
+            It cannot be shown; says what is done all the same.
+        """
+        stream = sys.stdout if self.stream is None else self.stream
+        try:
+            self.show(document)
+            stream.flush()
+        except InputError as error:
+            error.args = (f"{error}; {done} all the same",)
+            raise
+        except BrokenPipeError:
+            raise
+        except OSError as error:
+            message = system_message(error, output_failed=True)
+            raise InputError(f"{message}; {done} all the same") from error
 
     def write(self, document: Document) -> None:
         """Write the files that were asked for, each whole or not at all.

@@ -32,6 +32,7 @@ from anaplot.planning.patternplan import (
 )
 from anaplot.report.ownplaces import RowName, rows_in
 from anaplot.report.plannetwork import network_from_file
+from anaplot.station.coverage import is_held
 from anaplot.textfiles.inputfile import real_path
 from anaplot.textfiles.tomltable import read_toml
 from anaplot.textfiles.wording import hint, quoted
@@ -198,12 +199,7 @@ def _of_network(path: Path) -> _Geometry:
 def _of_block(path: Path) -> _Geometry:
     # conditions between points take no part in what is simulated
     block = replace(read_block(path), conditions=())
-    held = any(
-        control.use == "control" and any(value is not None for value in control.xyz)
-        for control in block.control
-    ) or any(photo.position_sigma or photo.rotation_sigma for photo in block.photos)
-    held = held or bool(block.priors)
-    adjusted = adjust_block(block, datum="control" if held else "free")
+    adjusted = adjust_block(block, datum="control" if is_held(block) else "free")
     return _of_adjusted(real_path(path).name, f"block {block.name}", adjusted)
 
 

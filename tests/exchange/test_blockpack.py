@@ -17,6 +17,8 @@ from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import read_block
 from anaplot.exchange.blockpack import MANIFEST, pack_block, unpack_block
 
+PATTERN = "label,x,y,tie\na,0,80,yes\nb,0,0,yes\nc,0,-80,yes\nd,92,80,no\ne,92,0,no\nf,92,-80,no\n"
+
 
 @pytest.fixture(scope="module")
 def block(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -55,6 +57,34 @@ def test_a_round_trip(block: Path, tmp_path: Path, capsys: pytest.CaptureFixture
     assert main(["pack", str(block), "-o", str(file)]) == 2
     assert main(["unpack", str(file), "-o", str(again)]) == 2
     assert capsys.readouterr().err.count("exists already") == 2
+
+
+def test_what_a_block_was_imported_from_is_part_of_it(tmp_path: Path) -> None:
+    folder, again = tmp_path / "b", tmp_path / "again"
+    assert main(["new", str(folder), "--strip", "1-3"]) == 0
+    (folder / "source" / "sparse").mkdir(parents=True)
+    (folder / "source" / "cameras.bin").write_bytes(b"\x00\x01")
+    (folder / "source" / "sparse" / "0").write_bytes(b"\x02")
+    (folder / "source" / "link").symlink_to(folder / "block.toml")
+    names = pack_block(folder, tmp_path / "b.zip")
+    assert names[-2:] == ("source/cameras.bin", "source/sparse/0")
+    unpack_block(tmp_path / "b.zip", again)
+    for name in names:
+        assert (again / name).read_bytes() == (folder / name).read_bytes()
+    assert sorted(p.name for p in (again / "source").iterdir()) == ["cameras.bin", "sparse"]
+
+
+@pytest.mark.parametrize("name", ["mine:1.csv", "mine\\1.csv"])
+def test_what_unpack_refuses_is_not_packed(tmp_path: Path, name: str) -> None:
+    folder, pattern = tmp_path / "b", tmp_path / "mine.csv"
+    pattern.write_text(PATTERN)
+    assert main(["new", str(folder), "--strip", "1-3", "--pattern", str(pattern)]) == 0
+    (folder / "mine.csv").rename(folder / name)
+    text = (folder / "block.toml").read_text()
+    (folder / "block.toml").write_text(text.replace('"mine.csv"', f"'{name}'"))
+    with pytest.raises(InputError, match="is no file name on every system: rename it"):
+        pack_block(folder, tmp_path / "b.zip")
+    assert not (tmp_path / "b.zip").exists()
 
 
 @pytest.mark.slow
@@ -159,9 +189,7 @@ def test_a_camera_file_elsewhere_is_told(tmp_path: Path, block: Path) -> None:
 
 def test_the_file_of_a_pattern_is_part_of_the_block(tmp_path: Path) -> None:
     folder, pattern = tmp_path / "b", tmp_path / "mine.csv"
-    pattern.write_text(
-        "label,x,y,tie\na,0,80,yes\nb,0,0,yes\nc,0,-80,yes\nd,92,80,no\ne,92,0,no\nf,92,-80,no\n"
-    )
+    pattern.write_text(PATTERN)
     assert main(["new", str(folder), "--strip", "1-3", "--pattern", str(pattern)]) == 0
     assert "mine.csv" in pack_block(folder, tmp_path / "b.zip")
     unpack_block(tmp_path / "b.zip", tmp_path / "again")

@@ -71,6 +71,39 @@ def test_what_is_taken_back_is_told_also_where_nothing_can_be_adjusted(
     )
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+def test_what_is_done_is_told_also_where_the_answer_cannot_be_written(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    full = ["--csv", "/dev/full"]
+    assert cli.main(["adjust", str(folder), "--errors", "search", "--apply", *full]) == 2
+    said = capsys.readouterr().err
+    assert "/dev/full" in said
+    assert "; 1 image point is switched off in image_points.csv all the same" in said
+    assert [row.use for row in read_block(folder).image_points].count("x") == 1
+    with Path("/dev/full").open("w") as stream, monkeypatch.context() as there:
+        there.setattr("sys.stdout", stream)
+        assert cli.main(["adjust", str(folder), "--apply-undo"]) == 2
+        there.setattr("sys.stdout", open(stream.fileno(), "w", closefd=False))  # noqa: SIM115
+    said = capsys.readouterr().err
+    assert "standard output: No space left on device; 1 image point is as before" in said
+    assert all(row.use == "xy" for row in read_block(folder).image_points)
+
+
+def test_a_long_reason_is_kept_behind_the_strategies(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = read_block(folder).image_points
+    at = next(k for k, row in enumerate(rows) if (row.photo, row.point) == ("11", "p8"))
+    whole = (*rows[:at], replace(rows[at], reason="w" * 400), *rows[at + 1 :])
+    (folder / "image_points.csv").write_text(format_image_points(whole))
+    run(capsys, folder, "--errors", "search", "--apply")
+    row = read_block(folder).image_points[at]
+    assert (row.use, row.reason) == ("x", "search; before: xy, " + "w" * 400)
+    run(capsys, folder, "--apply-undo")
+    assert read_block(folder).image_points == whole
+
+
 def test_the_text_says_so(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["adjust", str(folder), "--errors", "search", "--apply"]) == 0
     last = capsys.readouterr().out.splitlines()[-1]

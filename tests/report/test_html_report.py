@@ -97,9 +97,19 @@ def test_an_earlier_report_is_replaced_and_nothing_else(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="is no report, and is not overwritten"):
         write_report(report(3), other)
     assert other.read_text() == "<html>mine</html>"
-    (tmp_path / "r.html.tables" / "mine.txt").write_text("mine")
-    with pytest.raises(InputError, match="tables: exists already"):
-        write_report(report(3), page)
+    write_report(report(251), page, most_rows=100)
+    for foreign in ("mine.txt", "mine.csv"):
+        mine = tmp_path / "r.html.tables" / foreign
+        mine.write_text("mine")
+        with pytest.raises(InputError, match="tables: exists already"):
+            write_report(report(3), page)
+        assert mine.read_text() == "mine"
+        mine.unlink()
+    mine = tmp_path / "f" / "mine.svg"
+    mine.write_text("<svg/>")
+    with pytest.raises(InputError, match="nor one of figures alone"):
+        write_report(report(3), page, tmp_path / "f")
+    assert mine.read_text() == "<svg/>"
     new = tmp_path / "n.html"
     for figures in (new, tmp_path / "n.html.tables", tmp_path / "f" / ".." / "n.html.tables"):
         with pytest.raises(InputError, match="no folder for figures"):

@@ -696,3 +696,11 @@ def outcome(bench: Bench) -> tuple[int, str]:
         return bench.run("--as-given"), ""
     except InputError as error:
         return error.exit_code, str(error)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+def test_what_is_done_is_told_also_where_the_answer_cannot_be_written(make_bench) -> None:
+    bench = make_bench(MM)
+    with pytest.raises(InputError, match=r"/dev/full.*the points are written into .* all the same"):
+        bench.run("--csv", "/dev/full")
+    assert bench.rows()

@@ -13,6 +13,7 @@ from anaplot.errors import InputError
 from anaplot.exchange.formats.blocksexchangemodel import HALF
 from anaplot.exchange.formats.door import Exporting, Note
 from anaplot.exchange.formats.gathered import not_held, rays_that_count
+from anaplot.exchange.formats.resulttables import frame_of
 from anaplot.exchange.formats.xmlstream import xml_text
 from anaplot.photogrammetry.block import Camera, ControlPoint
 from anaplot.photogrammetry.groundsystem import GroundSystem
@@ -66,7 +67,7 @@ def _pieces(exporting: Exporting, rays: _Rays) -> Iterator[bytes]:
     origin = np.zeros(3)
     yield b'<?xml version="1.0" encoding="utf-8"?>\n<BlocksExchange version="3.2">\n'
     if block.ground is not None:
-        definition, origin = _system(block.ground)
+        definition, origin = _system(exporting, block.ground)
         yield _lines(
             1,
             "<SpatialReferenceSystems><SRS>",
@@ -94,11 +95,16 @@ def _pieces(exporting: Exporting, rays: _Rays) -> Iterator[bytes]:
     yield _lines(1, "</TiePoints>", "</Block>") + b"</BlocksExchange>\n"
 
 
-def _system(ground: GroundSystem) -> tuple[str, Array]:
-    """Return a definition, and what is added to the block's coordinates for it."""
+def _system(exporting: Exporting, ground: GroundSystem) -> tuple[str, Array]:
+    """Return a definition, and what is added to the block's coordinates for it.
+
+    ENU is of WGS84, whatever the datum in which the origin stands.
+    """
     if ground.frame == "offset":
         return xml_text(ground.crs), np.array(ground.origin)
-    longitude, latitude, height = ground.origin
+    theirs = frame_of(exporting, ground).theirs
+    degrees = theirs.shifted(np.array([ground.origin]), to_wgs84=True)
+    ((longitude, latitude, height),) = degrees.tolist()
     return f"ENU:{latitude!r},{longitude!r}", np.array((0.0, 0.0, height))
 
 

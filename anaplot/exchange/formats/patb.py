@@ -54,7 +54,8 @@ __all__ = ["read", "recognises", "write"]
 _FILES = ("control", "orientations", "camera", "project")
 _SUFFIXES = {".im": "images", ".con": "control", ".ori": "orientations", ".pro": "project"}
 _LOOK = 20_000  # bytes that are looked at
-_LARGE_C = 2000.0  # no camera constant in mm is larger, none in um smaller
+_LARGE_C = 2000.0  # no camera constant in mm is larger
+_NARROWEST, _WIDEST = 0.004, 4.0  # image coordinates over the camera constant, of any camera
 _LARGE_XY = 500.0  # no image coordinate in mm is larger, some in um are
 
 
@@ -179,9 +180,9 @@ def _beside(path: Path) -> dict[str, Path]:
 def _units(
     images: ImageFile, options: ImportOptions, project: Path | None, notes: list[Note]
 ) -> tuple[str, str]:
-    """Return the units of image coordinates and of camera constants."""
+    """Return the units of image coordinates and of camera constants: mostly the same."""
     largest_c = max(number(one.line, one.c, "the camera constant") for one in images.photos)
-    c_unit = "um" if largest_c > _LARGE_C else "mm"
+    most = max((_largest(row) for one in images.photos for row in one.points), default=0.0)
     unit: str | None = options.unit
     if unit == "px":
         raise InputError("--unit px: these files have um or mm")
@@ -190,10 +191,16 @@ def _units(
         if unit is not None:
             notes.append(Note("assumed", None, f"{unit}, the only unit that the .pro names"))
     if unit is None:
-        most = max((_largest(row) for one in images.photos for row in one.points), default=0.0)
         unit = "um" if most > _LARGE_XY else "mm"
         text = f"image coordinates are in {unit}: the largest is {most:g} (--unit)"
         notes.append(Note("assumed", None, text))
+    alike = largest_c == 0.0 or most == 0.0 or _NARROWEST < most / largest_c <= _WIDEST
+    c_unit = unit if alike else "mm" if unit == "um" else "um"
+    if c_unit == "mm" and largest_c > _LARGE_C:
+        c_unit = "um"
+    if c_unit != unit:
+        text = f"camera constants are in {c_unit}, unlike the coordinates: the largest is"
+        notes.append(Note("assumed", None, f"{text} {largest_c:g}"))
     return unit, c_unit
 
 

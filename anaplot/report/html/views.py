@@ -34,6 +34,7 @@ __all__ = [
     "SectionView",
     "TableView",
     "Text",
+    "of_every_row",
     "page_view",
     "table_views",
     "text_of",
@@ -175,6 +176,11 @@ def _whole(shown: str, name: str) -> str:
     return "" if whole in shown else whole
 
 
+def of_every_row(name: str) -> str:
+    """Return what a page says of a file that has every row of one of its tables."""
+    return f"{name} has every row"
+
+
 def page_view(report: Report, *, most_rows: int = MOST_ROWS, beside: str = "") -> PageView:
     """Return a report as it is shown.
 
@@ -307,7 +313,7 @@ class _Plan:
         if shown == n:
             return ""
         which = "those that need a look" if looks else "the first, since none needs a look"
-        where = f"; {plain(self._beside)}/{address}.csv has every row" if self._beside else ""
+        where = f"; {plain(self._beside)}/{of_every_row(f'{address}.csv')}" if self._beside else ""
         return f"{shown} of {counted(n, 'row')} are shown, {which}{where}"
 
 

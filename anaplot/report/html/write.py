@@ -5,16 +5,17 @@ from __future__ import annotations
 import contextlib
 import os
 from collections.abc import Iterator, Mapping
+from html import unescape
 from pathlib import Path
 from typing import NamedTuple
 
 from anaplot.aliases import Progress
-from anaplot.drawing.standalone import standalone
+from anaplot.drawing.standalone import is_standalone, standalone
 from anaplot.errors import InputError
 from anaplot.report.ascsv import csv_text
 from anaplot.report.html.parts import Report, drawings_in
 from anaplot.report.html.render import html_of, is_report
-from anaplot.report.html.views import MOST_ROWS, page_view
+from anaplot.report.html.views import MOST_ROWS, of_every_row, page_view
 from anaplot.textfiles.inputfile import real_path
 from anaplot.textfiles.wholefile import (
     all_or_nothing,
@@ -59,9 +60,8 @@ def check_report(path: Path, figures: Path | None = None) -> None:
     Raises
     ------
     InputError
-        There is no folder for the page, or something that is no earlier report has its name, or
-        that of the folder for tables; or the folder for figures holds something else, or is one of
-        these.
+        There is no folder for the page, or something that is no earlier report has its name; or
+        the folder for tables, or for figures, holds what no report has written, or is one of these.
     """
     check_place(path)
     folder = tables_folder(path)
@@ -70,12 +70,12 @@ def check_report(path: Path, figures: Path | None = None) -> None:
     try:
         if os.path.lexists(path) and not _earlier(path):
             raise InputError(f"{place(path)}: exists already, is no report, and is not overwritten")
-        if os.path.lexists(folder) and not (folder.is_dir() and _only(folder, ".csv", path)):
+        if os.path.lexists(folder) and not (folder.is_dir() and _tables_alone(folder, path)):
             raise InputError(f"{place(folder)}: exists already and is not overwritten")
         if (
             figures is not None
             and os.path.lexists(figures)
-            and not (figures.is_dir() and _only(figures, ".svg", path))
+            and not (figures.is_dir() and _figures_alone(figures, path))
         ):
             raise InputError(f"{place(figures)}: is neither a new folder nor one of figures alone")
     except (OSError, ValueError) as error:
@@ -90,12 +90,24 @@ def _earlier(path: Path) -> bool:
         return is_report(file.read(_HEAD))
 
 
-def _only(folder: Path, ending: str, page: Path) -> bool:
-    """Return whether a folder is empty, or beside an earlier report with files of one kind."""
+def _tables_alone(folder: Path, page: Path) -> bool:
+    """Return whether a folder holds nothing but the tables that an earlier page speaks of."""
     names = [each.name for each in folder.iterdir()]
-    if not names:
-        return True
-    return page.is_file() and all(name.endswith(ending) for name in names)
+    text = unescape(page.read_text(encoding="utf-8")) if names and page.is_file() else ""
+    return all(f"/{of_every_row(name)}" in text for name in names)
+
+
+def _figures_alone(folder: Path, page: Path) -> bool:
+    """Return whether a folder is empty, or holds nothing but figures beside an earlier page."""
+    files = list(folder.iterdir())
+    return not files or (page.is_file() and all(map(_figure, files)))
+
+
+def _figure(path: Path) -> bool:
+    if path.suffix != ".svg" or not path.is_file():
+        return False
+    with path.open("rb") as file:
+        return is_standalone(file.read(_HEAD))
 
 
 def write_report(

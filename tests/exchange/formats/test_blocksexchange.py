@@ -16,6 +16,7 @@ from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import read_block
 from anaplot.exchange.formats import blocksexchange, colmap
 from anaplot.exchange.formats.blocksexchangemodel import ORIENTATIONS as KNOWN
+from anaplot.exchange.formats.crs import GroundFrame
 from anaplot.exchange.formats.door import Exporting, ImportOptions
 from anaplot.photogrammetry.block import Block
 from anaplot.photogrammetry.camera import BrownLens
@@ -170,6 +171,20 @@ def test_a_local_system_keeps_its_place_on_earth(tmp_path: Path, scene: TiltedBl
         assert "ENU:47.5,8.25" in out.read_text()
         assert read(out).control[0].xyz == (1.5, 2.5, height)
         out.unlink()
+
+
+def test_an_origin_in_another_datum_is_written_in_wgs84(tmp_path: Path, scene: TiltedBlock) -> None:
+    pytest.importorskip("pyproj")
+    block = read(blocks_exchange(scene, tmp_path / "b.xml", system="ENU:50,9", control=CONTROL))
+    assert block.ground is not None
+    moved = replace(block, ground=replace(block.ground, crs="EPSG:31467"))
+    blocksexchange.write(Exporting(moved, tmp_path), tmp_path / "o.xml")
+    again = read(tmp_path / "o.xml")
+    assert again.ground is not None
+    # the same place on the Earth
+    places = [GroundFrame.of(one.ground).degrees(np.zeros((1, 3))) for one in (moved, again)]
+    np.testing.assert_allclose(places[1][0, :2], places[0][0, :2], atol=1e-9)
+    assert abs(again.ground.origin[0] - 9.0) > 1e-4
 
 
 def test_projected_coordinates_become_local_ones(tmp_path: Path, scene: TiltedBlock) -> None:

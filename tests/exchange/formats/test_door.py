@@ -116,6 +116,22 @@ def test_what_cannot_be_written_leaves_nothing(
     assert [file.name for file in block.iterdir()] == ["image_points.csv"]
 
 
+@pytest.mark.usefixtures("plain")
+@pytest.mark.parametrize("name", ["distances.csv", "conditions.csv", "sessions", "source"])
+def test_what_lies_there_of_another_block_is_no_part_of_this_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    source, block = tmp_path / "s", tmp_path / "b"
+    source.write_text("plain")
+    (block / name).mkdir(parents=True)
+    (block / "notes.txt").write_text("mine")
+    assert main(["import", str(source), "-o", str(block)]) == 2
+    assert f"{name}: exists already and is not overwritten" in capsys.readouterr().err
+    assert sorted(p.name for p in block.iterdir()) == sorted((name, "notes.txt"))
+    (block / name).rmdir()
+    assert main(["import", str(source), "-o", str(block)]) == 0
+
+
 def test_lines_have_their_place(tmp_path: Path) -> None:
     file = tmp_path / "f.txt"
     file.write_bytes(b"\xef\xbb\xbf1 2.5 1_0\r\n7 nan x\n\xff\n")

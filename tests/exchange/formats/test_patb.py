@@ -119,6 +119,21 @@ def test_micrometres_groups_and_a_number_of_fortran(tmp_path: Path) -> None:
         patb.read(file, ImportOptions(unit="mm"))
 
 
+@pytest.mark.parametrize("scale", [0.01, 1.0, 4.0])
+@pytest.mark.parametrize(("of_c", "of_rays"), [(1.0, 1.0), (0.001, 1.0), (0.001, 0.001)])
+def test_a_camera_constant_has_the_coordinates_unit_where_they_fit(
+    tmp_path: Path, scale: float, of_c: float, of_rays: float
+) -> None:
+    rays = [(10250.125, -80123.5), (-10250.125, 80123.5)]
+    rows = [f"{k} {x * of_rays * scale!r} {y * of_rays * scale!r}" for k, (x, y) in enumerate(rays)]
+    file = tmp_path / "a.im"
+    file.write_text("\n".join((f"101 {152400.0 * of_c * scale!r}", *rows, "-99", "")))
+    found = patb.read(file, ImportOptions(unit="um" if of_rays == 1.0 else "mm"))
+    assert found.block.cameras[0].c == pytest.approx(152.4 * scale)
+    told = "camera constants are in" in texts(found.notes)
+    assert told is (of_c != of_rays)
+
+
 def test_the_files_in_use_have_strips_and_a_camera_file(tmp_path: Path) -> None:
     file, camera, control = tmp_path / "flight.dat", tmp_path / "cam", tmp_path / "control"
     file.write_text(IN_USE)

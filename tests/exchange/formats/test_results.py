@@ -263,3 +263,20 @@ def test_what_is_written_only_cannot_come_in(
     assert "is written only" in capsys.readouterr().err
     assert main(["export", "csv", str(tmp_path), "-o", "y", "--ellipses", "2"]) == 2
     assert "--ellipses: csv has no use for it" in capsys.readouterr().err
+
+
+def test_what_is_known_of_points_holds_what_is_written(block: Path, tmp_path: Path) -> None:
+    folder = _local(block, tmp_path / "b")
+    rows = [
+        ",".join((row.point, *map(repr, row.xyz)))
+        for row in read_block(folder).control[1:]
+        if "," not in row.point
+    ]
+    known = [f"{row},.5,.5,.5,prior" for row in rows]
+    (folder / "control.csv").write_text("\n".join(("point,X,Y,Z,sX,sY,sZ,use", *known, "")))
+    assert len(read_block(folder).priors) >= 3
+    assert main(["adjust", str(folder), "--to", str(tmp_path / "adjusted")]) == 0
+    assert main(["export", "csv", str(folder), "-o", str(tmp_path / "written")]) == 0
+    for name in ("points.csv", "photos.csv"):
+        ours, theirs = ((tmp_path / d / name).read_text() for d in ("adjusted", "written"))
+        assert theirs.splitlines() == ours.splitlines()
