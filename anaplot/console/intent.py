@@ -410,4 +410,4 @@ def _leave(snapshot: Snapshot, *, temporary: bool) -> Intent:
 def _measured(snapshot: Snapshot) -> bool:
     """Return whether anything was measured in the current model."""
     fiducials = any(view.times for inner in snapshot.inners for view in inner.fiducials)
-    return fiducials or any(view.times for view in snapshot.points)
+    return fiducials or any(view.times or view.seen for view in snapshot.points)

@@ -17,6 +17,7 @@ from anaplot.photogrammetry.readings import (
     Record,
     Refused,
 )
+from anaplot.session.accidents import Accident
 from anaplot.session.counters import lose_reference
 from anaplot.session.desk import Desk
 from anaplot.session.draft import Decision, Draft
@@ -115,7 +116,7 @@ def _arrived(draft: Draft) -> None:
 def _recorded(draft: Draft, record: Record) -> None:
     """Turn a record of the plotter into a measurement, or say why not."""
     before = {row.key for row in _flagged(draft.desk.outlook)}
-    told = {accident.point for accident in draft.desk.accidents}
+    told = set(map(_about, draft.desk.accidents))
     pressed = draft.desk.pressed if record.switch == KEY else None
     try:
         if record.switch == KEY:
@@ -144,9 +145,14 @@ def _recorded(draft: Draft, record: Record) -> None:
     if fresh:
         draft.tell("warning", "flagged: " + ", ".join(f"{one} {axis}" for one, axis in fresh))
     for accident in draft.desk.accidents:
-        if accident.point not in told:
+        if _about(accident) not in told:
             draft.tell("warning", accident.text)
     draft.advance()
+
+
+def _about(accident: Accident) -> str:
+    """Return what an accident is about: a point, or a photograph as it says itself."""
+    return accident.point or accident.text
 
 
 def _repeated(draft: Draft, again: Repeating) -> None:

@@ -260,3 +260,13 @@ def test_the_words_on_leaving_are_true_of_a_demo_too() -> None:
     real = intended("leave", now(snapshot=picture(link=LinkView("live", "p", "/dev/x"))))
     assert isinstance(real, Question)
     assert "demo" not in real.text
+
+
+def test_a_model_of_which_one_photo_is_measured_is_not_left_without_a_question() -> None:
+    nothing = picture(measured=0)
+    assert intended("leave", now(snapshot=nothing)) == Leave()
+    first, *others = nothing.points
+    half = replace(nothing, points=(replace(first, seen=("left",)), *others))
+    asked = intended("leave", now(snapshot=half))
+    assert isinstance(asked, Question)
+    assert asked.then == Leave()
