@@ -12,6 +12,7 @@ from anaplot.adjustment.elimination import Elimination
 from anaplot.adjustment.findings import ModelValues, SearchStep
 from anaplot.adjustment.modelvalues import beyond_model, decide_by_model_values
 from anaplot.adjustment.partners import Proposals
+from anaplot.adjustment.residualsystem import ResidualSystem
 from anaplot.adjustment.significance import critical_normal, critical_tau
 from anaplot.adjustment.watch import Watch
 from anaplot.aliases import Array, Bools, Index
@@ -115,6 +116,7 @@ class _Rms:
         counted = np.ones(len(out), dtype=int)
         if self._measured is not None:
             known = len(e) - self._measured - sum(row >= self._measured for row in out)
+            n -= _without_weight(state.system, self._measured)
             if f > known:
                 n, f = n - known, f - known
                 counted[np.array(out, dtype=int) >= self._measured] = 0
@@ -131,6 +133,12 @@ class _Rms:
             size[out] = np.abs(error) / sigma**2 / np.maximum(back, NO_SIGMA)
             limit[np.array(out)[counted > 0]] = _or_none(critical_tau(self._alpha, f + 1))
         return _Test(size, limit)
+
+
+def _without_weight(system: ResidualSystem, count: int) -> int:
+    """Return how many of the first rows are no observations: switched off, they have no weight."""
+    none = (np.asarray(system.e)[:count] == 0.0) & (np.asarray(system.r)[:count] == 0.0)
+    return int(np.count_nonzero(none))
 
 
 class ModelRule:

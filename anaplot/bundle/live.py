@@ -175,8 +175,9 @@ class LiveBlock:
         ideal = problem.ideal.copy()
         at = {int(source): k for k, source in enumerate(problem.source)}
         for k in changed:
-            if k in at:
-                ideal[at[k]] = rows[k].x, rows[k].y
+            if k not in at:
+                return None  # measured otherwise, what took no part may take part, or differs more
+            ideal[at[k]] = rows[k].x, rows[k].y
         problem = remeasured(problem, block, ideal)
         normal, factor = last.cofactors.normal, last.cofactors.factor
         state = last.state

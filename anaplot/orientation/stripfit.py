@@ -228,7 +228,7 @@ def fit_strip(
     failure: NotComputableError | None = None
     for start in starts:
         shape = _Shape(start, everything, degree)
-        sigma = _sigmas(block, control, base, start.scale)[known]
+        sigma = _sigmas(block, strip, control, base, start.scale)[known]
         try:
             now, free, adjusted, settled = _iterated(
                 start, shape, source, target, known, sigma, names
@@ -466,9 +466,13 @@ def _given_sigmas(block: Block, control: Sequence[ControlPoint]) -> Array:
     return np.array([block.sigma_of(point) for point in control]).reshape(-1, 3)
 
 
-def _sigmas(block: Block, control: Sequence[ControlPoint], base: float, scale: float) -> Array:
-    """(n, 3) standard deviations [m] of control against points of a single model."""
-    c = block.cameras[0].c
+def _sigmas(
+    block: Block, strip: str, control: Sequence[ControlPoint], base: float, scale: float
+) -> Array:
+    """(n, 3) standard deviations [m] of control against points of a single model of a strip."""
+    photos = next((one.photos for one in block.strips if one.id == strip), ())
+    own = (block.camera_of(photo.id) for photo in block.photos if photo.id in photos)
+    c = next(own, block.cameras[0]).c
     plan = scale * block.precision.image_um * 1e-3
     own = np.array([plan, plan, plan * c / abs(base)])
     sigmas: Array = np.hypot(_given_sigmas(block, control), own)

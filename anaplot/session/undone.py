@@ -32,7 +32,7 @@ def undone(before: SessionState, after: SessionState) -> str:
     if was.laid != now.laid:
         return "the photo in the comparator is not known any more"
     # of photos that are to be laid in anew no fiducial is as it was
-    inner = "" if now.laying > after.layings else _inner(was, now)
+    inner = "" if now.laying > before.layings else _inner(was, now)
     if inner:
         return inner
     names = _names(was, now)

@@ -210,7 +210,7 @@ def replay_session(session: Path, progress: Progress | None = None) -> Replayed:
 
 def replay(
     block: Block,
-    records: Iterable[JournalRecord],
+    records: Sequence[JournalRecord],
     pace: Callable[[JournalRecord], None] | None = None,
 ) -> Iterator[Step]:
     """Replay records one after another.
@@ -253,7 +253,8 @@ def replay(
             difference = line.opened(said)
             if said.block_toml is not None and (said.block_toml, said.camera_files) != declared:
                 declared = said.block_toml, said.camera_files
-                desk = Desk.at(_opened_with(_declared(record, *declared), events, record))
+                block = _with_pattern(_declared(record, *declared), records)
+                desk = Desk.at(_opened_with(block, events, record))
         elif record.kind == "traffic":
             line.traffic(record)
         elif record.kind in EVENT_KINDS:

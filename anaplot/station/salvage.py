@@ -33,6 +33,7 @@ from anaplot.session.events import (
     ModelChosen,
     ModelReopened,
     MonoMeasured,
+    PhotoLaid,
     PlannedPoint,
     PointAdded,
     PointMeasured,
@@ -68,7 +69,8 @@ _PARSERS = {
     "table": table_of,
     "inner-table": inner_table_of,
 }
-_IN_A_MODEL = FiducialMeasured | InnerAccepted | PointMeasured | PointRenamed
+_IN_A_MODEL = FiducialMeasured | InnerAccepted | PointMeasured | MonoMeasured | PointRenamed
+_IN_A_PHOTO = FiducialMeasured | InnerAccepted | MonoMeasured
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,6 +146,7 @@ class _Fold:
         self.assumed: list[str] = []
         self.brought = 0
         self._lost_before = lost_before
+        self._mono = False  # whether the instrument holds one photo
         self._lost = False  # whether anything is missing so far
         self._undoable = 0  # events since the last thing that is missing
         self._changed = False  # whether any of them changed a measurement
@@ -201,6 +204,7 @@ class _Fold:
     def _happened(self, record: JournalRecord, event: Event) -> list[Event]:
         """Let an event happen; return it, and before it what had to be assumed."""
         where = f"{record.file} line {record.line}"
+        self._mono |= isinstance(event, PhotoLaid | MonoMeasured)
         if isinstance(event, Undone) and self._lost:
             if self._undoable == 0:
                 raise InputError(f"{where}: an undo, of what is missing perhaps")
@@ -239,6 +243,10 @@ class _Fold:
             put_in, said = self._changed_over(event, here)
             events += put_in
             words += said
+        put_in, said = self._laid(event, events)
+        events += put_in
+        words += said
+        if here is not None:
             put_in, said = self._oriented(event, here, events)
             events += put_in
             words += said
@@ -259,13 +267,12 @@ class _Fold:
             event = as_named
         elif isinstance(event, ModelReopened):
             event = self._reopened(event)
-        elif isinstance(event, PointMeasured) and current is not None and not current.mono:
-            mine = here == current.photos
+        elif isinstance(event, PointMeasured | MonoMeasured) and current is not None:
+            mine = here == current.photos and current.mono == isinstance(event, MonoMeasured)
             if mine and current.planned(event.point) is None:
                 before = self.state.preceding(current.strip, current.left)
                 known = set() if before is None else {m.point for m in before.used}
-                at = PlannedPoint(event.point, "new", event.xl, event.yl, event.xr, event.yr)
-                events.append(PointAdded(_as_known(at, known)))
+                events.append(PointAdded(_as_known(_planned(event), known)))
                 words.append(f"point {plain(event.point)} was added to model {current.name}")
         return [*events, event], words
 
@@ -325,7 +332,7 @@ class _Fold:
             events.append(ModelReopened(*here))
             words.append(f"model {plain('/'.join(here))} was returned to")
         elif strip is not None and state.current is None:
-            events.append(ModelChosen(strip, *here, ()))
+            events.append(ModelChosen(strip, *here, (), mono=self._mono))
             words.append(f"model {plain('/'.join(here))} was begun")
         return events, words
 
@@ -356,6 +363,17 @@ class _Fold:
         here = [model for model in models if model[at] == event.photo]
         return here[0] if len(here) == 1 else None
 
+    def _laid(self, event: Event, before: list[Event]) -> tuple[list[Event], list[str]]:
+        """Return that the photo lies in a mono comparator in which something is measured."""
+        model = self._ahead(before).current
+        if model is None or not (model.mono and isinstance(event, _IN_A_PHOTO)):
+            return [], []
+        photo = model.photo(event.side)
+        elsewhere = not isinstance(event, MonoMeasured) and event.photo != photo
+        if elsewhere or model.laid == event.side:
+            return [], []
+        return [PhotoLaid(photo)], [f"photo {plain(photo)} was laid in"]
+
     def _oriented(
         self, event: Event, here: tuple[str, str], before: list[Event]
     ) -> tuple[list[Event], list[str]]:
@@ -381,6 +399,13 @@ class _Fold:
         if event.point is None or model is None or model.measurement(event.point) is not None:
             return event
         return replace(event, point=None, photo=None)
+
+
+def _planned(event: PointMeasured | MonoMeasured) -> PlannedPoint:
+    """Return a point of the plan where it was measured; elsewhere nobody knows its place."""
+    if isinstance(event, PointMeasured):
+        return PlannedPoint(event.point, "new", event.xl, event.yl, event.xr, event.yr)
+    return PlannedPoint(event.point, "new", event.x, event.y, event.x, event.y)
 
 
 def _photos_of(event: Event) -> tuple[str, str] | None:

@@ -10,7 +10,9 @@ import test_sxb
 from bundleblocks import aerial
 
 from anaplot.adjustment import cleaning
+from anaplot.adjustment.elimination import Elimination
 from anaplot.adjustment.findings import SearchSettings
+from anaplot.adjustment.stepwise import rule_of
 from anaplot.adjustment.strategies import STRATEGIES
 from anaplot.bundle.adjust import adjust_block, adjust_bundle
 from anaplot.bundle.errors import blockrows, grosserrors
@@ -19,6 +21,7 @@ from anaplot.bundle.errors.leftout import without
 from anaplot.bundle.errors.snooping import model_values
 from anaplot.bundle.solve.problem import make_problem
 from anaplot.bundle.solve.residuals import block_residuals
+from anaplot.bundle.solve.structure import make_structure
 from anaplot.errors import InputError
 from anaplot.photogrammetry.block import ControlPoint
 
@@ -384,3 +387,23 @@ def test_sxb_with_planted_errors() -> None:
     for name in set(planted) & set(got):
         assert got[name].error == pytest.approx(planted[name], abs=5.0 * got[name].sigma)
     assert len(set(got) - set(planted) - kept) <= 3
+
+
+def test_coordinates_that_are_off_are_no_observations_of_the_rms() -> None:
+    scene = aerial(3, 5, relief=30.0, control_sigma=0.05, noise_um=5.0, seed=3, per_base=2)
+    rows = [
+        replace(row, use="x") if k % 4 == 0 else row
+        for k, row in enumerate(scene.block.image_points)
+    ]
+    adjusted = adjust_block(replace(scene.block, image_points=tuple(rows)))
+    problem = adjusted.problem
+    structure = make_structure(problem, adjusted.state.centres)
+    system = block_residuals(problem, adjusted.state, structure)
+    state = Elimination(system)
+    told = rule_of("rms", 0.001, system.rows.image)(state)
+    count = sum(len(row.use) for row in rows if row.point in problem.points)
+    assert count < system.rows.image
+    rms = np.sqrt(adjusted.vtpv / count)
+    some = np.isfinite(told.size) & (state.e != 0.0)
+    assert some.sum() > 300
+    np.testing.assert_allclose(told.size[some], np.abs(state.e[some]) / rms, rtol=1e-9)

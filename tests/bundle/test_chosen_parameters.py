@@ -169,3 +169,24 @@ def test_what_the_geometry_does_not_determine_is_left_out() -> None:
 def test_a_wrong_choice_is_told(text: str) -> None:
     with pytest.raises(InputError, match="after auto a set and a scope"):
         automatic_sets(text)
+
+
+def test_a_group_is_tested_with_its_parameters_of_all_strips() -> None:
+    """A term that is there makes the set significant; the others' tests keep their size."""
+    sizes = []
+    for seed in range(6):
+        block = aerial(
+            3, 4, relief=30.0, noise_um=5.0, seed=seed, tilt=0.03, per_base=2,
+            distort=lambda x, y: (0.060 * (x / 95.0) * ((y / 95.0) ** 2 - 2.0 / 3.0), 0.0),
+        ).block  # fmt: skip
+        one = additional_parameters("ebner:strip", reference_mm=95.0)
+        found = choose_parameters(adjust_block(block), (one,), HypothesisSettings(0.05, 0.8))
+        for step in found.sets[0].steps:
+            if step.stage == "group":
+                known = step.verdict.known
+                assert known.dimension == 3 * len(step.parameters)
+                if "b7" not in step.parameters:
+                    sizes.append(known.square / known.dimension)
+    # of some ten chi-squares over their dimension the mean is 1, to a tenth or two
+    assert len(sizes) > 6
+    assert np.mean(sizes) == pytest.approx(1.0, abs=0.5)

@@ -18,7 +18,7 @@ from anaplot.bundle.errors.doublenames import DoubleName, double_names
 from anaplot.bundle.errors.grosserrors import block_gross_errors
 from anaplot.cli import main
 from anaplot.exchange.blockfolder import write_control, write_image_points, write_new_block
-from anaplot.photogrammetry.block import Block, ImagePoint
+from anaplot.photogrammetry.block import Block, ImagePoint, PointPrior
 
 
 def rows(block: Block, *changed: ImagePoint) -> Block:
@@ -209,3 +209,16 @@ def test_a_ray_halfway_goes_to_the_same_side_whatever_rounding_prefers() -> None
         block.problem.ideal = xy * (1.0 + turn)
         # either side with the ray in the middle misses by as much: the first is named
         assert doublenames._parts(block, list(range(15))) == frozenset(range(7))
+
+
+def test_what_is_known_of_one_name_stays_known() -> None:
+    block = measured(1)
+    at = adjust_block(block)
+    x, y, z = (at.state.points[at.problem.points.index("02-02")] + at.state.origin).tolist()
+    known = PointPrior("02-02", (x, y, z + 1.0), (0.5,) * 3)
+    clean = adjust_block(replace(block, priors=(known,)))
+    two = second_name(block, "02-02", "new")
+    for owner in ("02-02", "new"):
+        adjusted = adjust_block(replace(two, priors=(replace(known, point=owner),)))
+        (one,) = double_names(adjusted)
+        assert one.statistic == pytest.approx(clean.vtpv - adjusted.vtpv, abs=1e-3)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -166,3 +167,38 @@ def test_without_enough_control_no_datum_but_the_free_one_is_tried(
     with pytest.raises((InputError, NotComputableError)) as by_control:
         adjust_block(alone)
     assert str(told.value) == str(by_control.value)
+
+
+def test_what_took_no_part_and_is_measured_again_is_looked_at_anew() -> None:
+    scene = aerial(2, 3, relief=30.0, noise_um=5.0, seed=1, tilt=0.05)
+    rows = list(scene.block.image_points)
+    count = Counter(row.point for row in rows)
+    at = next(k for k, row in enumerate(rows) if count[row.point] >= 4)
+    rows[at] = replace(rows[at], use="off")
+    live = LiveBlock(replace(scene.block, image_points=tuple(rows)))
+    before = live.update(live.block).adjusted.off_rays()
+    rows[at] = replace(rows[at], x=rows[at].x + 0.1)
+    after = live.update(replace(live.block, image_points=tuple(rows))).adjusted.off_rays()
+    assert after.keys() == before.keys() == {at}
+    assert after[at][0] - before[at][0] == pytest.approx(-100.0, abs=1e-6)
+
+
+def test_a_point_that_was_left_out_comes_in_when_its_rays_meet() -> None:
+    scene = aerial(
+        2, 3, relief=30.0, control_sigma=0.05, noise_um=5.0, seed=1, tilt=0.05, per_base=2
+    )
+    held = {row.point for row in scene.block.control}
+    count = Counter(row.point for row in scene.block.image_points)
+    point = next(name for name, n in count.items() if n >= 3 and name not in held)
+    mine = [row for row in scene.block.image_points if row.point == point][:2]
+    others = [row for row in scene.block.image_points if row.point != point]
+    half = replace(mine[1], use="x")
+    behind = replace(half, x=half.x + 150.0)
+    first = replace(scene.block, image_points=(*others, mine[0], behind))
+    live = LiveBlock(first)
+    left_out = live.update(first).adjusted.problem.left_out
+    assert [one.name for one in left_out] == [point]
+    right = replace(first, image_points=(*others, mine[0], half))
+    answer = live.update(right)
+    assert point in answer.adjusted.problem.points
+    agree(answer.adjusted, adjust_block(right))

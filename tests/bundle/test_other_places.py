@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from bundleblocks import aerial
 from conditionblocks import flat_scene
 
 from anaplot.bundle.adjust import adjust_block
@@ -130,3 +131,26 @@ def test_the_minimum_that_there_was_is_no_lower_one(monkeypatch: pytest.MonkeyPa
         # thirty that lead to nothing at most, and no more for those that lead back
         assert len(tried) <= 31
         tried.clear()
+
+
+def test_control_free_of_error_stays_where_it_is() -> None:
+    """Half of the control free of error, a ray 20 sigmas off, at most ten rays a photo."""
+    for seed in (*range(8), 25):
+        rng = np.random.default_rng(seed)
+        block = aerial(
+            2, 3, relief=30.0, control_sigma=0.0, noise_um=5.0, seed=seed, tilt=0.05
+        ).block
+        control = [
+            replace(row, xyz=tuple(v + rng.normal() * 0.05 for v in row.xyz), sigma=(0.05,) * 3)
+            if k % 2
+            else row
+            for k, row in enumerate(block.control)
+        ]
+        rows = list(block.image_points)
+        wrong = int(rng.integers(len(rows)))
+        rows[wrong] = replace(rows[wrong], x=rows[wrong].x + 0.1)
+        adjusted = adjust_block(replace(block, control=tuple(control), image_points=tuple(rows)))
+        problem = adjusted.problem
+        assert problem.fixed.any()
+        moved = np.abs(adjusted.state.points + adjusted.state.origin - problem.known)
+        assert moved[problem.fixed].max() < 1e-9, seed

@@ -19,7 +19,14 @@ from anaplot.orientation.stripfit import (
     fit_models,
     fit_strip,
 )
-from anaplot.photogrammetry.block import Block, ControlPoint, Precision, TestSettings, TieVariance
+from anaplot.photogrammetry.block import (
+    Block,
+    Camera,
+    ControlPoint,
+    Precision,
+    TestSettings,
+    TieVariance,
+)
 from anaplot.photogrammetry.imagepoint import ImagePoint
 from anaplot.photogrammetry.rotation import rotation_matrix
 from anaplot.photogrammetry.similarity import (
@@ -295,7 +302,7 @@ def test_control_near_a_line_lets_a_twist_grow_large_and_it_is_found(
     assert sum(row.r for row in found.tested) == pytest.approx(found.tested.redundancy)
     # a minimum: no unknown would bring the sum of squares down by anything
     start = _starts("1", source, target)[0]
-    shape, sigma = _Shape(start, source, 2), _sigmas(block, control, 92.0, start.scale)
+    shape, sigma = _Shape(start, source, 2), _sigmas(block, "1", control, 92.0, start.scale)
     free = np.array(list(found.polynomials.values()))
 
     def square(step: np.ndarray) -> float:
@@ -423,3 +430,12 @@ def test_as_many_coordinates_as_unknowns_leave_nothing_to_test(block: Block) -> 
     found = fitted(replace(block, control=tuple(control)))
     assert found.tested.redundancy == 0
     assert {(point.w, point.flagged) for point in found.points} == {(None, False)}
+
+
+@pytest.mark.parametrize("c", [15.0, 1500.0])
+def test_a_strip_is_weighted_by_its_own_camera(block: Block, c: float) -> None:
+    names = [f"p{k}" for k in range(0, 40, 3)]
+    held = controlled(block, ground_of(model_points()), names, sigma=(0.05,) * 3)
+    with_another = replace(held, cameras=(Camera("other", c), *held.cameras))
+    ours, theirs = (fit_strip(one, "1", model_points(), 92.0) for one in (held, with_another))
+    assert [row.r for row in theirs.tested] == [row.r for row in ours.tested]

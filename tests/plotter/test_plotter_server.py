@@ -64,7 +64,7 @@ def test_nothing_but_a_dead_link_is_replaced(plotter, tmp_path):
     with SimulatorServer(plotter, symlink=name) as server:
         assert answers(server.port)
         other = SimulatedPlotter(plotter.profile, {})
-        with pytest.raises(InputError, match="another plotter"):
+        with pytest.raises(InputError, match="leads to a terminal that is in use"):
             SimulatorServer(other, symlink=name).start()
         assert answers(server.port)
 

@@ -19,6 +19,8 @@ from anaplot.session.events import (
     ModelAccepted,
     ModelChosen,
     ModelReopened,
+    MonoMeasured,
+    PhotoLaid,
     PlannedPoint,
     PointAdded,
     PointMeasured,
@@ -278,6 +280,60 @@ def test_what_rests_on_something_lost_is_left_out_or_assumed(tmp_path):
         "row-switched: point 9 is not measured in model 101/102"
     ]
     assert [words.partition("line 9: ")[2] for words in out.assumed] == ["work was resumed"]
+
+
+def mono_day() -> list[object]:
+    """Two models in a comparator; the right photo of the first stays for the second."""
+    first = ModelChosen("1", "101", "102", (planned("1"), planned("2")), mono=True)
+    second = ModelChosen("1", "102", "103", (planned("1", "tie"), planned("3")), mono=True)
+
+    def seen(left: str, right: str, side: str, *names: str) -> list[object]:
+        return [MonoMeasured(left, right, side, name, 3.0, 4.0, "key") for name in names]
+
+    return [
+        first,
+        PhotoLaid("101"),
+        *seen("101", "102", "left", "1", "2"),
+        PhotoLaid("102"),
+        *seen("101", "102", "right", "1", "2"),
+        ModelAccepted("101", "102"),
+        second,
+        *seen("102", "103", "left", "3"),
+        PhotoLaid("103"),
+        *seen("102", "103", "right", "1", "3"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("lost", "assumed"),
+    [
+        (1, ["photo 101 was laid in"]),
+        (4, ["photo 102 was laid in"]),
+        (
+            8,
+            [
+                "model 102/103 was begun",
+                "point 3 was added to model 102/103",
+                "point 1 was added to model 102/103",
+            ],
+        ),
+    ],
+)
+def test_what_is_lost_of_a_comparators_session_costs_no_measurement(tmp_path, lost, assumed):
+    session = Session(tmp_path, *mono_day())
+    session.damage(lost)
+    out = session.salvaged()
+    first, second = out.state.models[0], out.state.current
+    assert [(s.side, s.point) for s in first.seen] == [
+        ("left", "1"), ("left", "2"), ("right", "1"), ("right", "2"),
+    ]  # fmt: skip
+    assert {(s.side, s.point) for s in second.seen} >= {
+        ("left", "3"),
+        ("right", "1"),
+        ("right", "3"),
+    }
+    assert [words.partition(": ")[2] for words in out.assumed] == assumed
+    assert out.left_out == ()
 
 
 def test_a_name_given_after_something_lost_is_given_still(tmp_path):

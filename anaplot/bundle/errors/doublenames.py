@@ -193,6 +193,7 @@ def _merged(block: AdjustedBlock, first: str, second: str, critical: float) -> D
     """Return two names that may be one point, by the adjustment with one of them."""
     rows = _without_rejected(block)
     given = {c.point for c in block.problem.block.control}
+    given |= {prior.point for prior in block.problem.block.priors}
     given |= {name for one in block.problem.block.conditions for name in one.points}
     carried = block.problem.block.given
     if carried is not None:

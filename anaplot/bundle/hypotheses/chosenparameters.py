@@ -287,7 +287,7 @@ def _steps(
         members = tuple(dict.fromkeys(label[1] for label in entry.members))
         if entry.verdict.decisive is None or not set(members) <= set(thinning.free):
             continue
-        test = thinning.test(members, len(entry.members), entry.verdict.decisive.alpha)
+        test = thinning.test(members, len(members) * thinning.groups, entry.verdict.decisive.alpha)
         if test[0].rejected:
             change = thinning.effect(members)
             steps.append(ParameterStep("group", members, *test, "significant", change))

@@ -93,9 +93,11 @@ def places_of(
 def with_points_of(
     problem: Problem, state: BlockState, block: SubBlock, rays: Array, moved: Bools
 ) -> BlockState:
-    """Return a state with other orientations, and points intersected anew where they can be."""
+    """Return a state with other orientations, and points intersected anew where they can be.
+
+    Coordinates free of error stay: no step would bring them back.
+    """
     seen = intersect_rays(problem, block, rays, moved)
-    new = np.isfinite(seen[:, 0])
-    points = state.points.copy()
-    points[new] = seen[new]
+    new = np.isfinite(seen[:, :1]) & ~problem.fixed
+    points = np.where(new, seen, state.points)
     return replace(state, centres=block.centres, rotations=block.rotations, points=points)
