@@ -276,6 +276,7 @@ class _Sweeps:
         reach, touching = given.reach(numbers) * np.sqrt(share), given.touching(numbers)
         kept = frozenset[int]() if anew else out
         new = ~np.isin(numbers, given.places_of(gone))
+        done = _FirstSteps(len(numbers))
         while True:
             top = np.zeros(len(numbers))
             np.maximum.at(top, at, largest)
@@ -283,16 +284,18 @@ class _Sweeps:
             # what the largest row of a place leaves in doubt, its rows do
             waits = new & doubts.blocks(self.critical, _NEGLIGIBLE)
             decided: list[tuple[float, list[SearchStep], Index]] = []
-            value = given.vtpv
-            for places in self._places(given, numbers[~waits]):
+            value, asked = given.vtpv, ~waits
+            if not anew:  # else what all places are worth together is to be known
+                asked &= done.may_do_more(doubts)
+            for places in self._places(given, numbers[asked]):
                 value += float(np.sum(places.vtpv - given.vtpv)) if anew else 0.0
                 which = np.searchsorted(numbers, places.numbers)
-                for k, steps, mine in self._decided(places, kept, which, doubts, stands):
+                for k, steps, mine in self._decided(places, kept, which, doubts, stands, done):
                     decided.append((float(first[k]), steps, mine))
             # what nothing leaves in doubt and stays all the same cannot go: nobody waits for it
             stays = np.zeros(len(numbers), dtype=bool)
-            for k in np.flatnonzero(~waits & (top > 0.0)).tolist() if not decided else ():
-                stays[k] = doubts.of(k, float(top[k])) <= _NEGLIGIBLE
+            if not decided:
+                stays = ~waits & (top > 0.0) & (doubts.of_all(top) <= _NEGLIGIBLE)
             if not stays.any():
                 break
             largest[stays[at] & (largest >= top[at])] = 0.0
@@ -308,10 +311,12 @@ class _Sweeps:
         which: Index,
         doubts: Doubts,
         stands: frozenset[int],
+        done: _FirstSteps,
     ) -> Iterator[tuple[int, list[SearchStep], Index]]:
         """Yield the steps of the rule in places, which they are, and their rows.
 
         Of the places of `stands` these rows are out at the end, whatever the rule says.
+        `done` takes notice of what the rule does first in places where nothing comes of it.
         """
         suspects = self.suspects[places.rows]
         some = np.any(np.isin(places.rows, np.array(sorted(out), dtype=np.intp)), axis=1)
@@ -319,7 +324,9 @@ class _Sweeps:
         for at, k in enumerate(which.tolist()):
             told = None if some[at] else plain[at]
             rule = self._by_rule(places.place(at), out, suspects[at]) if told is None else told
-            steps = list(_certain(rule, places, at, out, k, doubts))
+            steps, first = _certain(rule, places, at, out, k, doubts)
+            if not steps:
+                done.note(k, first)
             if stands and stands.intersection(places.rows[at].tolist()):
                 steps += _to_stand(places.place(at), stands, steps)
             if steps:
@@ -490,6 +497,49 @@ def _to_stand(place: Place, stands: frozenset[int], steps: list[SearchStep]) -> 
         return []
 
 
+class _First(NamedTuple):
+    """The first step of a rule in a place.
+
+    Attributes
+    ----------
+    statistic, limit
+        Of the row that goes, or comes back.
+    rival
+        See `_rival`; NaN where it was not asked for.
+    """
+
+    statistic: float
+    limit: float
+    rival: float = float("nan")
+
+
+class _FirstSteps:
+    """What a rule does first in places of a sweep where it did nothing that was certain.
+
+    Whatever is in doubt there, the rule is the same: it need not be asked again.
+    """
+
+    def __init__(self, count: int) -> None:
+        self._nothing = np.zeros(count, dtype=bool)
+        self._first = np.full((count, 3), np.nan)
+
+    def note(self, k: int, first: _First | None) -> None:
+        """Take notice of the first step in a place; None: there is none."""
+        if first is None:
+            self._nothing[k] = True
+        else:
+            self._first[k] = first
+
+    def may_do_more(self, doubts: Doubts) -> Bools:
+        """Return (k,) the places where something may come of the rule."""
+        statistic, limit, rival = self._first.T
+        if not (self._nothing.any() or np.isfinite(statistic).any()):
+            return ~self._nothing
+        doubt = doubts.of_all(statistic)
+        near = (np.abs(statistic - limit) <= doubt) | (statistic - rival <= 2.0 * doubt)
+        return np.asarray(~(self._nothing | ((doubt > _NEGLIGIBLE) & near)))
+
+
 def _certain(
     steps: Iterable[SearchStep],
     places: Places,
@@ -497,19 +547,26 @@ def _certain(
     out: frozenset[int],
     k: int,
     doubts: Doubts,
-) -> Iterator[SearchStep]:
-    """Yield those first steps of the rule in a place that nothing elsewhere leaves in doubt."""
-    for number, step in enumerate(steps):
-        statistic, limit = step.statistic or 0.0, step.critical or 0.0
-        doubt = doubts.of(k, statistic)
-        if doubt > _NEGLIGIBLE:
-            if number or abs(statistic - limit) <= doubt:
-                return
-            if step.action == "reject":
-                rival = _rival(places.place(at), out, step)
-                if statistic - rival <= 2.0 * doubt:
-                    return
-        yield step
+) -> tuple[list[SearchStep], _First | None]:
+    """Return those first steps of the rule in a place that nothing elsewhere leaves in doubt.
+
+    And the first step, whether it is one of them or not.
+    """
+    certain: list[SearchStep] = []
+    first: _First | None = None
+    for step in steps:
+        this = _First(step.statistic or 0.0, step.critical or 0.0)
+        doubt = doubts.of(k, this.statistic)
+        far = abs(this.statistic - this.limit) > doubt
+        if doubt > _NEGLIGIBLE and far and step.action == "reject" and not certain:
+            this = this._replace(rival=_rival(places.place(at), out, step))
+        first = first or this
+        if doubt > _NEGLIGIBLE and (
+            certain or not far or this.statistic - this.rival <= 2.0 * doubt
+        ):
+            break
+        certain.append(step)
+    return certain, first
 
 
 def _rival(place: Place, out: frozenset[int], step: SearchStep) -> float:

@@ -323,6 +323,7 @@ class Cleaning(Generic[S, K, R]):
                 suspects=suspects,
                 left_out=_rows(system, held),
                 measured=self.subject.apriori.rows,
+                idle=self.subject.apriori.idle,
                 watch=self.watch,
                 weigh=False,
                 apart=self._apart(system, place, draft=draft),

@@ -6,17 +6,21 @@ are larger is looked up where it is asked for.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from scipy.sparse import csc_array, csr_array
+from scipy.sparse import coo_array, csc_array, csr_array
 
 from anaplot.aliases import Array, Bools, Index
 
 __all__ = ["Doubts", "Touching"]
 
+_MOST_TOGETHER = 3000  # places whose pairs are looked at together: some million pairs
 
-class Touching(NamedTuple):
+
+@dataclass(frozen=True, eq=False)
+class Touching:
     """What carries an error from one of k places to another.
 
     Attributes
@@ -29,6 +33,18 @@ class Touching(NamedTuple):
 
     seen: csr_array
     far: Bools
+
+    @cached_property
+    def pairs(self) -> tuple[Index, Index]:
+        """Every two different places that touch, each pair both ways round."""
+        shared = coo_array(self.seen @ self.seen.T)
+        every = np.arange(len(self.far))
+        far = np.flatnonzero(self.far)
+        one = np.concatenate((shared.row, np.repeat(far, len(every)), np.tile(every, len(far))))
+        other = np.concatenate((shared.col, np.tile(every, len(far)), np.repeat(far, len(every))))
+        keys = np.unique(one.astype(np.intp) * len(every) + other.astype(np.intp))
+        first, second = np.divmod(keys, max(len(every), 1))
+        return first[first != second], second[first != second]
 
 
 class Doubts:
@@ -47,6 +63,7 @@ class Doubts:
     def __init__(self, top: Array, reach: Array, touching: Touching) -> None:
         self._top, self._reach, self._far = top, reach, touching.far
         self._carried = reach * top
+        self._touching = touching
         self._seen, self._of = touching.seen, csc_array(touching.seen)
         self._largest = float(np.max(top, initial=0.0))
 
@@ -59,6 +76,16 @@ class Doubts:
         if not self._far[k]:
             larger &= self._touched_by(k)
         return float(self._reach[k] * self._carried[larger].sum())
+
+    def of_all(self, size: Array) -> Array:
+        """Return (k,) what `of` does of a w of this size in every place; NaN: 0."""
+        if len(size) > _MOST_TOGETHER:
+            sizes = enumerate(size.tolist())
+            return np.array([0.0 if w != w else self.of(k, w) for k, w in sizes])
+        first, second = self._touching.pairs
+        larger = self._top[second] > size[first]
+        first, second = first[larger], second[larger]
+        return np.asarray(self._reach * np.bincount(first, self._carried[second], len(size)))
 
     def _touched_by(self, k: int) -> Bools:
         """(k,) the places that touch one."""

@@ -54,6 +54,8 @@ class AprioriSigma(NamedTuple):
         How it is called, and its value: "image_um", 5.0, "um".
     rows
         How many rows, the first ones, have it: what others measure says nothing of it. None: all.
+    idle
+        How many of these are switched off, and have no weight.
     """
 
     of: str
@@ -61,11 +63,14 @@ class AprioriSigma(NamedTuple):
     value: float
     unit: str
     rows: int | None = None
+    idle: int = 0
 
     @classmethod
-    def image_um(cls, of: str, value: float, rows: int | None = None) -> AprioriSigma:
+    def image_um(
+        cls, of: str, value: float, rows: int | None = None, idle: int = 0
+    ) -> AprioriSigma:
         """Return that of image coordinates."""
-        return cls(of, "image_um", value, "um", rows)
+        return cls(of, "image_um", value, "um", rows, idle)
 
 
 class ScaleError(NotComputableError):

@@ -12,7 +12,6 @@ from anaplot.adjustment.elimination import Elimination
 from anaplot.adjustment.findings import ModelValues, SearchStep
 from anaplot.adjustment.modelvalues import beyond_model, decide_by_model_values
 from anaplot.adjustment.partners import Proposals
-from anaplot.adjustment.residualsystem import ResidualSystem
 from anaplot.adjustment.significance import critical_normal, critical_tau
 from anaplot.adjustment.watch import Watch
 from anaplot.aliases import Array, Bools, Index
@@ -45,15 +44,16 @@ Rule = Callable[[Elimination], _Test]
 """Sizes and limits of all rows in a strategy, given those that are out."""
 
 
-def rule_of(strategy: str, alpha: float, measured: int | None = None) -> Rule:
+def rule_of(strategy: str, alpha: float, measured: int | None = None, idle: int = 0) -> Rule:
     """Return the rule of a strategy, w with the a-priori sigma but for "tau" and "rms".
 
-    With `measured`, "rms" counts that many rows, the first ones: the others are known beforehand.
+    With `measured`, "rms" counts that many rows, the first ones, but for so many of them as are
+    `idle`; the others are known beforehand.
     """
     if strategy == "tau":
         return _Tau(alpha)
     if strategy == "rms":
-        return _Rms(alpha, measured)
+        return _Rms(alpha, measured, idle)
     return _Normal(critical_normal(alpha))
 
 
@@ -106,8 +106,8 @@ class _Rms:
     (eq. 4); where so much of it is known that n - u is nothing, it counts like the others.
     """
 
-    def __init__(self, alpha: float, measured: int | None) -> None:
-        self._alpha, self._measured = alpha, measured
+    def __init__(self, alpha: float, measured: int | None, idle: int) -> None:
+        self._alpha, self._measured, self._idle = alpha, measured, idle
 
     def __call__(self, state: Elimination) -> _Test:
         e = np.abs(state.e)
@@ -116,7 +116,7 @@ class _Rms:
         counted = np.ones(len(out), dtype=int)
         if self._measured is not None:
             known = len(e) - self._measured - sum(row >= self._measured for row in out)
-            n -= _without_weight(state.system, self._measured)
+            n -= self._idle
             if f > known:
                 n, f = n - known, f - known
                 counted[np.array(out, dtype=int) >= self._measured] = 0
@@ -133,12 +133,6 @@ class _Rms:
             size[out] = np.abs(error) / sigma**2 / np.maximum(back, NO_SIGMA)
             limit[np.array(out)[counted > 0]] = _or_none(critical_tau(self._alpha, f + 1))
         return _Test(size, limit)
-
-
-def _without_weight(system: ResidualSystem, count: int) -> int:
-    """Return how many of the first rows are no observations: switched off, they have no weight."""
-    none = (np.asarray(system.e)[:count] == 0.0) & (np.asarray(system.r)[:count] == 0.0)
-    return int(np.count_nonzero(none))
 
 
 class ModelRule:

@@ -116,6 +116,7 @@ def find_gross_errors(
     suspects: Bools | None = None,
     left_out: Collection[int] = (),
     measured: int | None = None,
+    idle: int = 0,
     watch: Watch | None = None,
     weigh: bool = True,
     apart: Apart | None = None,
@@ -142,6 +143,8 @@ def find_gross_errors(
         Rows that are out for good: neither tested nor weighed.
     measured
         How many rows, the first ones, "rms" takes its root mean square and n - u of; None: all.
+    idle
+        How many of these are switched off, and are no observations.
     watch
         Told how far it is; where it asks for the end, the best so far is returned.
     weigh
@@ -201,7 +204,7 @@ def find_gross_errors(
         counts = ModelRule(used.alpha, np.asarray(models, dtype=float), tolerance, n)
         end = _End(*task.stepwise(counts), values=counts.values())
     else:
-        rule = rule_of(strategy, used.alpha, measured)
+        rule = rule_of(strategy, used.alpha, measured, idle)
         end = _End(*task.stepwise(rule, together=strategy == "rms"))
     limited = task.limited(end.state, used.most)
     rows = remaining(n, left_out)

@@ -471,8 +471,8 @@ def _sigmas(
 ) -> Array:
     """(n, 3) standard deviations [m] of control against points of a single model of a strip."""
     photos = next((one.photos for one in block.strips if one.id == strip), ())
-    own = (block.camera_of(photo.id) for photo in block.photos if photo.id in photos)
-    c = next(own, block.cameras[0]).c
+    cameras = (block.camera_of(photo.id) for photo in block.photos if photo.id in photos)
+    c = next(cameras, block.cameras[0]).c
     plan = scale * block.precision.image_um * 1e-3
     own = np.array([plan, plan, plan * c / abs(base)])
     sigmas: Array = np.hypot(_given_sigmas(block, control), own)

@@ -184,6 +184,9 @@ def test_doubts_are_the_bounds_of_larger_places_that_share_a_photo() -> None:
     top[rng.random(k) < 0.1] = 0.0
     doubts = Doubts(top, reach, Touching(csr_array(seen.astype(float)), far))
     blocks = doubts.blocks(CRITICAL, 0.1)
+    for sizes in (top, top / 2.0, np.zeros(k), np.where(rng.random(k) < 0.5, np.nan, top)):
+        one_by_one = [0.0 if np.isnan(w) else doubts.of(i, w) for i, w in enumerate(sizes.tolist())]
+        np.testing.assert_allclose(doubts.of_all(sizes), one_by_one, atol=1e-12)
     for i in range(k):
         for size in (top[i], top[i] / 2.0, 0.0):
             wanted = sum(

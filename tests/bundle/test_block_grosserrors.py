@@ -14,8 +14,10 @@ from anaplot.adjustment.elimination import Elimination
 from anaplot.adjustment.findings import SearchSettings
 from anaplot.adjustment.stepwise import rule_of
 from anaplot.adjustment.strategies import STRATEGIES
+from anaplot.adjustment.watch import Watch
 from anaplot.bundle.adjust import adjust_block, adjust_bundle
 from anaplot.bundle.errors import blockrows, grosserrors
+from anaplot.bundle.errors.blockrows import BlockRows
 from anaplot.bundle.errors.grosserrors import block_gross_errors
 from anaplot.bundle.errors.leftout import without
 from anaplot.bundle.errors.snooping import model_values
@@ -399,8 +401,8 @@ def test_coordinates_that_are_off_are_no_observations_of_the_rms() -> None:
     problem = adjusted.problem
     structure = make_structure(problem, adjusted.state.centres)
     system = block_residuals(problem, adjusted.state, structure)
-    state = Elimination(system)
-    told = rule_of("rms", 0.001, system.rows.image)(state)
+    state, rows_of = Elimination(system), BlockRows(problem, structure, Watch(), control_only=False)
+    told = rule_of("rms", 0.001, rows_of.apriori.rows, rows_of.apriori.idle)(state)
     count = sum(len(row.use) for row in rows if row.point in problem.points)
     assert count < system.rows.image
     rms = np.sqrt(adjusted.vtpv / count)

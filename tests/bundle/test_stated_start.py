@@ -193,3 +193,33 @@ def test_of_one_straight_strip_nobody_is_accused_of_the_turn_about_it(datum: str
         if one.startswith("stated orientations are grossly wrong: photo 104 by ")
     ]
     assert not [one for one in told if "photo 101" in one]
+
+
+def with_positions(scene: Scene, places: np.ndarray) -> Block:
+    """State where photos are, and nothing of how they look."""
+    photos = (
+        replace(photo, position=tuple(place))
+        for photo, place in zip(scene.block.photos, places.tolist(), strict=True)
+    )
+    return replace(scene.block, photos=tuple(photos))
+
+
+@pytest.mark.parametrize("control", [3, 12])
+@pytest.mark.parametrize("how", ["zero", "same", "exchanged", "elsewhere"])
+def test_wrong_positions_of_all_photos_are_told_and_done_without(how: str, control: int) -> None:
+    """Of a drone without a fix, with X and Y exchanged, or of another system."""
+    scene = aerial(3, 4, per_base=2, relief=30.0, noise_um=5.0, tilt=0.05, seed=2)
+    few = scene.block.control[:: max(1, len(scene.block.control) // control)]
+    scene = replace(scene, block=replace(scene.block, control=few))
+    at = np.array([scene.centres[photo.id] for photo in scene.block.photos])
+    wrong = {
+        "zero": np.zeros_like(at),
+        "same": np.repeat(at[:1] + np.array((5.0, -3.0, 2.0)), len(at), axis=0),
+        "exchanged": at[:, [1, 0, 2]] + np.array((40.0, 700.0, 0.0)),
+        "elsewhere": at + np.array((1e5, -2e5, 50.0)),
+    }[how]
+    adjusted = adjust_block(with_positions(scene, wrong))
+    assert adjusted.sigma0 < 1.3
+    found = adjusted.state.centres + adjusted.state.origin
+    assert np.linalg.norm(found - at, axis=1).max() < 2.0
+    assert any("stated orientations are grossly wrong" in remark for remark in adjusted.remarks)

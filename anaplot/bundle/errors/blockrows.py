@@ -66,7 +66,10 @@ class BlockRows:
         block = problem.block
         # control, priors and conditions may be far better, or worse, than they say
         rows = 2 * len(problem.photo)
-        self.apriori = AprioriSigma.image_um(f"block {block.name}", block.precision.image_um, rows)
+        idle = 0 if problem.off is None else int(problem.off.sum())
+        self.apriori = AprioriSigma.image_um(
+            f"block {block.name}", block.precision.image_um, rows, idle
+        )
 
     def residuals(self, at: BlockPlace, number: int) -> AllRows:
         """Return all rows, linearised at a place."""

@@ -15,6 +15,8 @@ __all__ = ["give_nominal_place", "to_ground", "to_some_ground", "turn_onto"]
 
 _CLOSE = 1e-4  # step after which a similarity is refined: the bundle goes on
 _BETTER = 0.5  # share of what another similarity leaves off, at most: noise alone is no reason
+_CHECKED = 4  # places that check their similarity
+_IN_LINE = 0.15  # width over length of places up to which they are nearly in line
 _TURNS = 120  # about a line of control
 _RAYS_AT_ONCE = 20_000  # turned and projected together
 
@@ -78,13 +80,29 @@ def to_some_ground(problem: Problem, subblock: SubBlock) -> None:
 
 
 def _both_places(problem: Problem, subblock: SubBlock) -> tuple[Array, Array]:
-    """Return places in the sub-block, (n, 3), and what is known of them; NaN where nothing is."""
+    """Return places in the sub-block, (n, 3), and what is known of them; NaN where nothing is.
+
+    Stated positions count where control leaves a similarity open, or nothing checks it.
+    """
     near = problem.near
     x, y, z = np.isfinite(near).T
     placed = subblock.placed & (x | y | z)
     stated = subblock.oriented & np.isfinite(problem.position[:, 0])
+    full = placed & x & y & z
+    if stated.any() and _tell_one(subblock.points[full], near[full]):
+        stated = np.zeros_like(stated)
     source = np.concatenate((subblock.points[placed], subblock.centres[stated]))
     return source, np.concatenate((near[placed], problem.stated_centres[stated]))
+
+
+def _tell_one(source: Array, target: Array) -> bool:
+    """Whether places tell one similarity, and check it: four agree that are not nearly in line."""
+    found = common_similarity(source, target) if len(source) >= _CHECKED else None
+    if found is None or found[1].sum() < _CHECKED:
+        return False
+    there = target[found[1]]
+    spread = np.linalg.svd(there - there.mean(axis=0), compute_uv=False)
+    return bool(spread[1] > _IN_LINE * spread[0])
 
 
 def _known_turns(problem: Problem, subblock: SubBlock) -> list[Array]:
@@ -107,7 +125,7 @@ def _about_the_line(
     if len(source) < 2:
         return None
     spread = np.linalg.svd(target - target.mean(axis=0), compute_uv=False)
-    if len(source) > 2 and spread[1] > 0.15 * spread[0]:
+    if len(source) > 2 and spread[1] > _IN_LINE * spread[0]:
         return None
     near = problem.near
     x, y, z = np.isfinite(near).T

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -36,7 +37,7 @@ from anaplot.bundle.start.robust import (
     robust_state,
 )
 from anaplot.bundle.start.settling import settled
-from anaplot.bundle.start.stated import led_from_stated
+from anaplot.bundle.start.stated import led_from_stated, without_stated
 from anaplot.errors import NotComputableError
 
 __all__ = ["Ahead", "best_minimum", "check_held", "fits", "soft"]
@@ -89,6 +90,25 @@ def best_minimum(
     NotComputableError
         Something is not determined, or no solution is found; names photos and points.
     """
+    try:
+        return _searched(problem, progress, whole, first, ahead)
+    except NotComputableError:
+        # what is stated without a standard deviation has no part in a minimum, only in its search
+        unled = without_stated(problem)
+        if unled is None:
+            raise
+        with contextlib.suppress(NotComputableError):
+            return _searched(unled, progress, whole, None, ahead)
+        raise
+
+
+def _searched(
+    problem: Problem,
+    progress: Progress | None,
+    whole: Problem,
+    first: BlockState | None,
+    ahead: Ahead | None,
+) -> tuple[Minimum, RobustState | None, Minimum | None]:
     best: Minimum | None = None
     closest: _Closest | None = None
     failure: NotComputableError | None = None

@@ -412,7 +412,7 @@ def reoriented(problem: Problem, start: BlockState) -> BlockState:
     subblock = SubBlock(start.centres.copy(), start.rotations.copy(), start.points.copy())
     subblock.place(problem, rays, again=True)
     for _ in range(3):
-        size = np.nan_to_num(subblock.residuals(problem), nan=np.inf)
+        size = np.nan_to_num(subblock.residuals(problem), nan=np.inf, posinf=np.inf)
         worst = np.array([np.max(size[mine]) for mine in by_photo])
         limit = 10.0 * max(float(np.median(size)), float(np.median(problem.sigma)))
         for photo in np.argsort(-worst, kind="stable")[:_RESECTED].tolist():

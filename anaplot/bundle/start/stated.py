@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +16,7 @@ from anaplot.bundle.start.subblock import SubBlock
 from anaplot.photogrammetry.similarity import Similarity, robust_similarity
 from anaplot.textfiles.wording import first_of
 
-__all__ = ["led_from_stated", "stated_remarks"]
+__all__ = ["led_from_stated", "stated_remarks", "without_stated"]
 
 _NAMED = 5  # photos that are named at most
 _ASKED = 60  # photos whose stated rotations are compared with each other
@@ -51,6 +52,23 @@ def led_from_stated(problem: Problem, start: BlockState, found: BlockState) -> b
         if any(wrong.any() for wrong in off.wrong):
             return False
     return turned(problem, start, found) <= MOST_TURNED
+
+
+def without_stated(problem: Problem) -> Problem | None:
+    """Return a bundle whose photos lie nowhere but where that is observed; None: as it does."""
+    observed = [
+        np.isfinite(sigma).any(axis=1, keepdims=True)
+        for sigma in (problem.position_sigma, problem.rotation_sigma)
+    ]
+    position, rotation = (
+        np.where(one, stated, np.nan)
+        for one, stated in zip(observed, (problem.position, problem.rotation), strict=True)
+    )
+    before, after = (
+        np.isfinite(np.concatenate(pair, axis=1)).sum()
+        for pair in ((problem.position, problem.rotation), (position, rotation))
+    )
+    return None if after == before else replace(problem, position=position, rotation=rotation)
 
 
 def stated_remarks(problem: Problem, state: BlockState) -> list[str]:

@@ -220,7 +220,9 @@ def common_similarity(source: Array, target: Array) -> tuple[Similarity, Bools] 
     here[here] = inliers
     off = np.linalg.norm(similarity.apply(source[here]) - target[here], axis=1)
     extent = float(np.ptp(target[here], axis=0).max())
-    return (similarity, here) if float(np.median(off)) <= _ALIKE * extent else None
+    # places that coincide in one of them, and not in the other, agree on nothing
+    alike = extent > 0.0 and float(np.median(off)) <= _ALIKE * extent
+    return (similarity, here) if alike else None
 
 
 def _near(places: Array) -> Bools:
