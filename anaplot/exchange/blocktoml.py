@@ -35,6 +35,7 @@ from anaplot.photogrammetry.block import (
     Strip,
     TestSettings,
     TieVariance,
+    calibrated_camera,
     in_pixels,
 )
 from anaplot.photogrammetry.groundsystem import Frame, GroundSystem
@@ -350,11 +351,9 @@ def _camera(folder: Path, files: Mapping[str, str], table: TomlTable) -> Camera:
             raise table.fail(f"{_shown(here)}, but {quoted(file)} says {_shown(there)}", key)
     if "lens" in table:
         raise table.fail(f"beside file: {quoted(file)} states the lens", "lens")
-    camera = Camera(
-        calibration.id, calibration.c, calibration.format, calibration, file, lever_arm=arm
-    )
+    camera = replace(calibrated_camera(calibration, file), lever_arm=arm)
     of_file = {key: value for key in PIXELS if (value := getattr(calibration, key)) is not None}
-    return _with_pixels(table, replace(camera, lens=calibration.lens), of_file | stated)
+    return _with_pixels(table, camera, of_file | stated)
 
 
 def _with_pixels(table: TomlTable, camera: Camera, stated: Mapping[str, Any]) -> Camera:

@@ -20,7 +20,7 @@ from anaplot.exchange.blocktoml import (
     measuring_lines,
     parse_block_toml,
 )
-from anaplot.exchange.camerafile import read_camera
+from anaplot.exchange.camerafile import pixel_lines, read_camera
 from anaplot.photogrammetry.block import (
     Block,
     Camera,
@@ -31,6 +31,7 @@ from anaplot.photogrammetry.block import (
     Precision,
     Strip,
     TestSettings,
+    calibrated_camera,
 )
 from anaplot.photogrammetry.camera import CameraCalibration
 from anaplot.photogrammetry.nominalcameras import NOMINAL_CAMERAS
@@ -127,9 +128,7 @@ def choose_camera(text: str) -> ChosenCamera:
 def _with_file(calibration: CameraCalibration, remark: str) -> ChosenCamera:
     stem = "".join(sign if sign.isalnum() or sign in "-_." else "-" for sign in calibration.id)
     file = f"camera-{stem}.toml"
-    return ChosenCamera(
-        Camera(calibration.id, calibration.c, calibration.format, calibration, file), remark
-    )
+    return ChosenCamera(calibrated_camera(calibration, file), remark)
 
 
 def strip_of(text: str, number: int) -> Strip:
@@ -312,8 +311,9 @@ def _text(block: Block, remark: str) -> str:
         f"id = {toml_text(camera.id)}",
         f"c = {toml_number(camera.c)}",
     ]
-    if camera.format is not None:
+    if camera.pixels is None and camera.format is not None:
         lines.append(f"format = {toml_numbers(*camera.format)}")
+    lines += pixel_lines(camera)
     if camera.file is not None:
         lines.append(f"file = {toml_text(camera.file)}")
     for strip in block.strips:

@@ -32,6 +32,7 @@ __all__ = [
     "TestSettings",
     "TieVariance",
     "Use",
+    "calibrated_camera",
     "image_points",
     "in_pixels",
 ]
@@ -113,6 +114,15 @@ def in_pixels(
     """Return a camera whose images have pixels; their size is its format."""
     made = replace(camera, pixels=pixels, pixel_um=pixel_um, principal_px=principal_px)
     return replace(made, format=(pixels[0] * made.pixel_mm, pixels[1] * made.pixel_mm))
+
+
+def calibrated_camera(calibration: CameraCalibration, file: str | None = None) -> Camera:
+    """Return a camera as its file states it, with the lens and the pixels that stand there."""
+    of = calibration
+    camera = Camera(of.id, of.c, of.format, calibration, file, lens=of.lens)
+    if of.pixels is None:
+        return camera
+    return in_pixels(camera, of.pixels, of.pixel_um, of.principal_px)
 
 
 @dataclass(frozen=True, slots=True)

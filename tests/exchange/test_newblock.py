@@ -207,6 +207,36 @@ def test_a_block_that_cannot_be_written_whole_leaves_no_part_of_it(
     assert read_block(tmp_path / "b") == whole
 
 
+PIXEL_CAMERA = """format = 1
+[camera]
+id = "fc"
+c = 8.6
+pixels = [4000, 3000]
+pixel_um = 2.5
+principal_px = [2010.5, 1490.25]
+[lens]
+model = "brown"
+k1 = -0.12
+"""
+
+
+def test_points_in_pixels_are_read_with_pixels_and_lens_of_the_camera_file(tmp_path: Path) -> None:
+    (tmp_path / "fc.toml").write_text(PIXEL_CAMERA)
+    folder = tmp_path / "b"
+    folder.mkdir()
+    points = "photo,point,x_px,y_px\n1,a,0.1,3000\n2,a,10.7,20\n2,b,2010.5,1490.25\n"
+    (folder / "image_points.csv").write_text(points)
+    made = write_new(folder, NewBlock("b", choose_camera(str(tmp_path / "fc.toml"))))
+    assert made == read_block(folder)
+    (camera,) = made.cameras
+    assert (camera.pixels, camera.format) == ((4000, 3000), (10.0, 7.5))
+    assert camera.lens is not None
+    assert [row.measured for row in made.image_points][:2] == [(0.1, 3000.0), (10.7, 20.0)]
+    text = (folder / "block.toml").read_text()
+    assert "pixels = [4000, 3000]" in text
+    assert text.count("format = ") == 1  # pixels state that of the camera
+
+
 def test_a_file_that_another_wrote_first_stays(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,7 +11,14 @@ from anaplot.errors import InputError
 from anaplot.exchange.camerafile import read_camera
 from anaplot.exchange.formats.door import Exporting, ImportOptions, Note
 from anaplot.exchange.formats.sourcelines import SourceLine
-from anaplot.photogrammetry.block import Block, Camera, ImagePoint, TestSettings, in_pixels
+from anaplot.photogrammetry.block import (
+    Block,
+    Camera,
+    ImagePoint,
+    TestSettings,
+    calibrated_camera,
+    in_pixels,
+)
 from anaplot.textfiles.wording import hint, plain, quoted
 
 __all__ = [
@@ -118,10 +126,7 @@ def stated_camera(options: ImportOptions, name: str = "camera") -> tuple[Camera 
         if found.corrects or any(found.principal_point):
             text = "coordinates are ideal ones: principal point and [distortion] of the camera file"
             notes = [Note("assumed", None, f"{text} are not taken off")]
-        camera = Camera(found.id, found.c, found.format, lens=found.lens)
-        if found.pixels is not None:
-            camera = in_pixels(camera, found.pixels, found.pixel_um, found.principal_px)
-        return camera, notes
+        return replace(calibrated_camera(found), calibration=None), notes
     if options.pixels is None:
         if options.pixel_um is not None:
             raise InputError("--pixel-um: without --pixels")
