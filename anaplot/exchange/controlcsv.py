@@ -20,10 +20,19 @@ _SIGMAS = ("sX", "sY", "sZ")
 
 
 class GroundPoints(NamedTuple):
-    """The rows of a control.csv: control, check points and what is off, and priors."""
+    """The rows of a control.csv, or of a list of control points.
+
+    Attributes
+    ----------
+    control, priors
+        Control, check points and what is off; and priors.
+    commas
+        How many numbers of a list had a decimal comma.
+    """
 
     control: tuple[ControlPoint, ...] = ()
     priors: tuple[PointPrior, ...] = ()
+    commas: int = 0
 
 
 def prior_fault(

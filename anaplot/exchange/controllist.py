@@ -11,6 +11,7 @@ from typing import Any, Final, cast
 from anaplot.errors import InputError
 from anaplot.exchange.controlcsv import USES, GroundPoints, prior_fault
 from anaplot.photogrammetry.block import ControlPoint, ControlUse, PointPrior
+from anaplot.textfiles.decimalcomma import with_point
 from anaplot.textfiles.inputfile import read_text
 from anaplot.textfiles.kinds import METRES, NAME, SIGMA_OR_FREE, Blank, Kind, Word, WrongValueError
 from anaplot.textfiles.wording import place, quoted, reason
@@ -70,8 +71,8 @@ def read_control_list(path: Path) -> GroundPoints:
         Text with a header; fields are separated by commas, semicolons, tabs or blanks. Columns:
         the name (point, name, id, ...), E or X, N or Y, H or Z, and perhaps standard deviations
         (sigma for all, or sX, sY, sZ) and use; in any order, in small or capital letters, with a
-        unit in brackets or none; metres. A description is not read. Lines that begin with # are
-        comments.
+        unit in brackets or none; metres. Where commas do not separate, numbers may have a decimal
+        one. A description is not read. Lines that begin with # are comments.
 
     Returns
     -------
@@ -85,11 +86,14 @@ def read_control_list(path: Path) -> GroundPoints:
         A header without the names, or a row that is wrong, with file, line and column.
     """
     lines = _lines(path, read_text(path, _MAX_BYTES))
-    number, header = next(lines, (1, []))
+    number, separator, header = next(lines, (1, None, []))
     columns = _columns(path, number, header)
+    commas = 0
     rows: list[ControlPoint | PointPrior] = []
     found: dict[tuple[str, bool], int] = {}
-    for number, fields in lines:
+    for number, _, fields in lines:
+        if separator != ",":
+            commas += _with_points(columns, fields)
         point = _point(path, number, columns, fields)
         rows.append(point)
         prior = isinstance(point, PointPrior)
@@ -105,11 +109,23 @@ def read_control_list(path: Path) -> GroundPoints:
     return GroundPoints(
         tuple(row for row in rows if isinstance(row, ControlPoint)),
         tuple(row for row in rows if isinstance(row, PointPrior)),
+        commas,
     )
 
 
-def _lines(path: Path, text: str) -> Iterator[tuple[int, list[str]]]:
-    """Yield the fields of each line with its number."""
+def _with_points(columns: list[str], fields: list[str]) -> int:
+    """Write numbers with a decimal point where they have a comma, and return how many had one."""
+    count = 0
+    for k, (name, field) in enumerate(zip(columns, fields, strict=False)):
+        pointed = with_point(field) if name and _KINDS[name].numeric else None
+        if pointed is not None:
+            fields[k] = pointed
+            count += 1
+    return count
+
+
+def _lines(path: Path, text: str) -> Iterator[tuple[int, str | None, list[str]]]:
+    """Yield the number of each line, what separates its fields (None: blanks), and these."""
     separator: str | None = None
     first = True
     for number, line in enumerate(text.removeprefix("\ufeff").splitlines(), 1):
@@ -126,7 +142,7 @@ def _lines(path: Path, text: str) -> Iterator[tuple[int, list[str]]]:
             )
         except csv.Error as error:
             raise InputError(f"{place(path, number)}: not a row: {reason(error)}") from None
-        yield number, [field.strip() for field in fields]
+        yield number, separator, [field.strip() for field in fields]
 
 
 def _columns(path: Path, number: int, header: list[str]) -> list[str]:

@@ -82,6 +82,8 @@ class NewBlock:
         Standard deviation of an image coordinate [um].
     measuring
         With what it is measured.
+    commas
+        How many numbers of the list of control points had a decimal comma.
     """
 
     name: str
@@ -91,6 +93,7 @@ class NewBlock:
     priors: tuple[PointPrior, ...] = ()
     image_um: float = _PRECISION.image_um
     measuring: Measuring = field(default_factory=Measuring)
+    commas: int = 0
 
 
 def choose_camera(text: str) -> ChosenCamera:

@@ -70,7 +70,8 @@ def write_answers(folder: Path, answers: Answers) -> tuple[str, ...]:
     if block.image_points:
         following = f"anaplot {'bridge' if block.strips else 'adjust'} {shown}"
     camera = f"camera {plain(block.cameras[0].id)}: {new.camera.remark}"
-    return _summary(shown, block), camera, f"next: {following}"
+    commas = ("control: numbers with a decimal comma",) if new.commas else ()
+    return _summary(shown, block), camera, *commas, f"next: {following}"
 
 
 def _given(options: argparse.Namespace) -> dict[str, list[str]]:

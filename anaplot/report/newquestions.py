@@ -151,6 +151,7 @@ def new_block(folder: Path, answers: Answers) -> NewBlock:
         ground.priors,
         _sigma(given["sigma"]),
         replace(measuring, profile=_profile(given["profile"]) if given["profile"] else None),
+        ground.commas,
     )
 
 

@@ -46,6 +46,17 @@ def test_any_order_and_any_usual_header(tmp_path: Path, text: str) -> None:
     assert read(tmp_path, text) == (SEVEN,)
 
 
+@pytest.mark.parametrize("mark", [";", "\t", "  "])
+def test_numbers_may_have_a_decimal_comma_where_commas_do_not_separate(
+    tmp_path: Path, mark: str
+) -> None:
+    text = "name E N H sigma use\n7 1000,5 2000 310,25 ,1 control\n8,5 1 2 3 0 off\n"
+    found = listed(tmp_path, text.replace(" ", mark))
+    assert found.control[0] == SEVEN
+    assert found.control[1].point == "8,5"  # a name is no number
+    assert found.commas == 3
+
+
 def test_what_is_not_known_is_blank(tmp_path: Path) -> None:
     found = read(tmp_path, "name;E;N;H;sZ;use\n1;5;6;;;check\n2;;;7;0;\n3;1;2;3;0.5;off\n")
     assert found == (
@@ -91,7 +102,8 @@ def test_any_number_of_rows_that_are_off_stand_beside_the_others(tmp_path: Path)
         ("name,E,N,colour\n1,2,3,red\n", "line 1: unknown column 'colour'"),
         ("name,E,N,X\n1,2,3,4\n", "line 1: column X twice"),
         ("name,E,N\n1,2\n", "line 2: 2 fields, the header has 3"),
-        ("name;E;N\n1;2,5;3\n", "line 2: X: must be a finite number, not '2,5'"),
+        ("name;E;N\n1;2,5,1;3\n", "line 2: X: must be a finite number, not '2,5,1'"),
+        ("name E N\n1 2,5x 3\n", "line 2: X: must be a finite number, not '2,5x'"),
         ("name,E,N\n\n1,2,nan\n", "line 3: Y: "),
         ("name,E,N,s\n1,2,3,-1\n", "line 2: s: "),
         ("name,E,N,use\n1,2,3,maybe\n", "line 2: use: "),

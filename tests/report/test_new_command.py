@@ -21,6 +21,16 @@ def new(*arguments: object) -> int:
     return main(["new", *map(str, arguments)])
 
 
+def test_decimal_commas_of_control_are_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "points.txt").write_text("id;E;N;H\n7;1000,5;2000;300\n")
+    options = ("--strip", "1-3", "--camera", "153", "--control", tmp_path / "points.txt")
+    assert new(tmp_path / "b", *options) == 0
+    assert "control: numbers with a decimal comma\n" in capsys.readouterr().out
+    assert read_block(tmp_path / "b").control[0].xyz == (1000.5, 2000.0, 300.0)
+
+
 def test_a_block_from_options(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     points = tmp_path / "points.txt"
     points.write_text("id E N H sigma\n7 1000 2000 300 0.05\n8 1500 2000 310 0.05\n")

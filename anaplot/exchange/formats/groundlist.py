@@ -11,7 +11,7 @@ from anaplot.errors import InputError
 from anaplot.exchange.controlcsv import GroundPoints
 from anaplot.exchange.controllist import read_control_list
 from anaplot.exchange.formats.door import Note
-from anaplot.exchange.formats.namedcolumns import open_columns
+from anaplot.exchange.formats.namedcolumns import commas_told, open_columns
 from anaplot.exchange.formats.sourcelines import source_lines, value_of
 from anaplot.photogrammetry.block import ControlPoint, ControlUse
 from anaplot.textfiles.wording import quoted
@@ -62,7 +62,8 @@ def read_ground(files: Mapping[str, Path]) -> tuple[GroundPoints, tuple[Note, ..
 
 def _read(path: Path) -> tuple[GroundPoints, tuple[Note, ...]]:
     if not _is_bare(path):
-        return read_control_list(path), ()
+        ground = read_control_list(path)
+        return ground, commas_told(ground.commas)
     table = open_columns(path, _COLUMNS, ("point", "X", "Y"), _BARE, None)
     points: dict[str, ControlPoint] = {}
     for line, fields in table.rows:

@@ -13,14 +13,14 @@ from typing import Final
 from anaplot.errors import InputError
 from anaplot.exchange.formats.door import Note
 from anaplot.exchange.formats.sourcelines import SourceLine, source_lines, value_of
+from anaplot.textfiles.decimalcomma import parted_by_blanks, with_point
 from anaplot.textfiles.wording import hint, place, plain, quoted, reason
 
-__all__ = ["ColumnTable", "open_columns", "plain_title"]
+__all__ = ["ColumnTable", "commas_told", "open_columns", "plain_title"]
 
 _MAX_COLUMNS: Final = 200
 _MAX_LINE: Final = 100_000  # characters of a row
 _UNIT: Final = re.compile(r"[\[(].{0,40}$")
-_COMMA: Final = re.compile(r"[+-]?\d{0,30},\d{1,30}(?:[eE][+-]?\d{1,3})?")
 
 
 @dataclass
@@ -53,10 +53,9 @@ class ColumnTable:
 
     def number(self, line: SourceLine, text: str, what: str) -> float:
         """Return a finite number, also one with a decimal comma; raises InputError."""
-        if "," in text and self.separator != "," and _COMMA.fullmatch(text):
-            self.commas += 1
-            text = text.replace(",", ".")
-        return line.number_of(text, what)
+        pointed = None if self.separator == "," else with_point(text)
+        self.commas += pointed is not None
+        return line.number_of(text if pointed is None else pointed, what)
 
     def notes(self) -> tuple[Note, ...]:
         """Return which column was taken for what."""
@@ -67,9 +66,12 @@ class ColumnTable:
         found = [Note("assumed", None, f"columns: {', '.join(shown)}")]
         if self.aside:
             found.append(Note("dropped", len(self.aside), "columns that are not read", self.aside))
-        if self.commas:
-            found.append(Note("assumed", self.commas, "numbers have a decimal comma"))
-        return tuple(found)
+        return (*found, *commas_told(self.commas))
+
+
+def commas_told(count: int) -> tuple[Note, ...]:
+    """Return that so many numbers have a decimal comma; nothing where none has."""
+    return (Note("assumed", count, "numbers have a decimal comma"),) if count else ()
 
 
 def open_columns(
@@ -85,8 +87,9 @@ def open_columns(
     ----------
     path
         Text; fields are separated by tabs, semicolons, commas or blanks, the first of these that
-        the first row has. Lines that begin with # are comments. The first row is a header when
-        none of its fields is a number.
+        the first row has; a comma within a number does not count where blanks stand between all
+        numbers. Lines that begin with # are comments. The first row is a header when none of its
+        fields is a number.
     usual
         The columns of ours, each with usual titles as `plain_title` has them, best first.
     needed
@@ -106,7 +109,8 @@ def open_columns(
     for ours in stated:
         if ours not in usual:
             raise InputError(f"--column {plain(ours, 60)}: no such column{hint(ours, usual)}")
-    lines = _rows(path)
+    # of two columns none is a number: "IMG 1,20 mm" is a photo and its camera
+    lines = _rows(path, decimals=max(bare) > 2)
     first = next(lines, None)
     if first is None:
         raise InputError(f"{place(path)}: no row")
@@ -152,7 +156,7 @@ def plain_title(title: str) -> str:
     return "".join(sign for sign in _UNIT.sub("", title.strip().lower()) if sign.isalnum())
 
 
-def _rows(path: Path) -> Iterator[tuple[SourceLine, str | None, list[str]]]:
+def _rows(path: Path, *, decimals: bool) -> Iterator[tuple[SourceLine, str | None, list[str]]]:
     separator: str | None = None
     first = True
     for line in source_lines(path):
@@ -163,6 +167,8 @@ def _rows(path: Path) -> Iterator[tuple[SourceLine, str | None, list[str]]]:
         if first:
             first = False
             separator = next((mark for mark in "\t;," if mark in line.text), None)
+            if separator == "," and decimals and parted_by_blanks(line.text):
+                separator = None
         yield line, separator, _fields(line, separator)
 
 

@@ -293,6 +293,37 @@ def test_options_that_do_not_fit(tmp_path: Path, options: list[str], message: st
         run_import(parser.parse_args(given))
 
 
+def test_blanks_part_a_bare_table_whose_commas_are_decimal_ones(tmp_path: Path) -> None:
+    rows = 'A 1 100,5 200\n"B 2" 1 -3,25 +400,125\nA 2 300 400\n'
+    assert measured(tmp_path / "t.txt", rows)[0] == (100.5, 200.0)
+    found = pixels.read(tmp_path / "t.txt", PLAIN)
+    assert [note.count for note in found.notes if "decimal comma" in note.text] == [3]
+    # a comma without blanks about numbers separates
+    for text in ("A,1,100.5,200\n", "A ,1 ,100.5 ,200\n", "A 7,1 b,100,200\n", '"A, 1",1,2,3\n'):
+        assert measured(tmp_path / "t.txt", text + "B,2,1,2\n")[1] == (1.0, 2.0)
+
+
+def test_blanks_in_names_part_no_list_of_cameras(tmp_path: Path) -> None:
+    (tmp_path / "cameras.txt").write_text("IMG 1,20 mm\nIMG 2,20 mm\n")
+    rows = "point,photo,x,y\nA,IMG 1,100,200\nA,IMG 2,100,200\n"
+    (tmp_path / "t.csv").write_text(rows)
+    options = replace(PLAIN, files={"cameras": tmp_path / "cameras.txt"})
+    (camera,) = pixels.read(tmp_path / "t.csv", options).block.cameras
+    assert camera.id == "20 mm"
+
+
+@pytest.mark.parametrize("head", ["", "point X Y Z\n"])
+@pytest.mark.parametrize("mark", [";", "\t", " "])
+def test_control_with_decimal_commas(tmp_path: Path, mark: str, head: str) -> None:
+    control = head + "A 1000,5 2000,25 100,125\nB 1 2 3,5\n"
+    (tmp_path / "control.txt").write_text(control.replace(" ", mark))
+    (tmp_path / "t.csv").write_text(HEAD + ROWS)
+    options = replace(PLAIN, files={"control": tmp_path / "control.txt"})
+    found = pixels.read(tmp_path / "t.csv", options)
+    assert [row.xyz for row in found.block.control] == [(1000.5, 2000.25, 100.125), (1, 2, 3.5)]
+    assert [note.count for note in found.notes if "decimal comma" in note.text] == [4]
+
+
 def test_control_that_is_wrong(tmp_path: Path) -> None:
     (tmp_path / "t.csv").write_text(HEAD + ROWS)
     for text, message in (
