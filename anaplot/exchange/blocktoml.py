@@ -18,6 +18,7 @@ from anaplot.exchange.camerafile import (
     LENS,
     PIXELS,
     camera_path,
+    check_distortion,
     check_principal_px,
     format_camera,
     lens_lines,
@@ -38,6 +39,7 @@ from anaplot.photogrammetry.block import (
     calibrated_camera,
     in_pixels,
 )
+from anaplot.photogrammetry.camera import CameraCalibration
 from anaplot.photogrammetry.groundsystem import Frame, GroundSystem
 from anaplot.photogrammetry.photorange import photo_range
 from anaplot.photogrammetry.prioroffsets import BoresightScope, OffsetScope, PriorOffsets
@@ -337,7 +339,10 @@ def _camera(folder: Path, files: Mapping[str, str], table: TomlTable) -> Camera:
         lens = table.get("lens", LENS) if "lens" in table else None
         arm = stated.pop("lever_arm", None)
         camera = Camera(stated["id"], stated["c"], lens=lens, lever_arm=arm)
-        return _with_pixels(table, camera, stated)
+        camera = _with_pixels(table, camera, stated)
+        if camera.format is None:
+            check_distortion(table, CameraCalibration(camera.id, camera.c, lens=lens))
+        return camera
     beside: Fields = {**_CAMERA, "format": FRAME, **PIXELS, **_BESIDE}
     stated = table.take({"file": Text()}, beside, also=("lens",))
     arm = stated.pop("lever_arm", None)

@@ -77,6 +77,7 @@ __all__ = [
     "MAX_PIXELS",
     "PIXELS",
     "camera_path",
+    "check_distortion",
     "check_principal_px",
     "format_camera",
     "lens_lines",
@@ -158,14 +159,29 @@ def parse_camera(text: str, path: Path) -> CameraCalibration:
         **distances,
         **distortion,
     )
-    if made.distorts:
-        from anaplot.photogrammetry.refinement import Refinement
-
-        try:
-            Refinement.of(made)
-        except InputError as error:
-            raise root.fail(str(error), "distortion" if lens is None else "lens") from None
+    check_distortion(root, made)
     return made
+
+
+def check_distortion(table: TomlTable, calibration: CameraCalibration) -> None:
+    """Refuse a lens or a distortion with which nothing can be measured, wherever it is stated.
+
+    Parameters
+    ----------
+    table
+        What holds the table `lens` or `distortion`.
+    calibration
+        What is stated.
+    """
+    if not calibration.distorts:
+        return
+    from anaplot.photogrammetry.refinement import Refinement
+
+    try:
+        Refinement.of(calibration)
+    except InputError as error:
+        key = "distortion" if calibration.lens is None else "lens"
+        raise table.fail(str(error), key) from None
 
 
 def check_principal_px(table: TomlTable, stated: Mapping[str, Any], c: float, *keys: str) -> None:

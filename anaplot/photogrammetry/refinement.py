@@ -89,7 +89,8 @@ class Refinement:
         ------
         InputError
             The distortion folds the image within the format: two measured places would have the
-            same ideal one.
+            same ideal one; or a lens images nothing at the fiducials, or near the principal point
+            of a camera of no known size. Elsewhere points tell where it images nothing.
         """
         lens = None
         if calibration.lens is not None:
@@ -226,6 +227,9 @@ class Refinement:
         return out, derivative
 
     def _refuse_fold(self, calibration: CameraCalibration) -> None:
+        sized = calibration.pixels is not None or calibration.format is not None
+        if self.lens is not None and sized and not calibration.fiducial_names():
+            return  # corners of images often lie beyond what their lens is known for
         if calibration.pixels is not None:
             reach = _reach_of_pixels(calibration.pixels, calibration)
         elif calibration.format is None:

@@ -200,16 +200,19 @@ def test_a_camera_file_and_its_block_agree_on_pixels(
         read_block(tmp_path)
 
 
-def test_a_lens_in_pixels_is_asked_as_far_as_the_image_reaches() -> None:
+FIDUCIALS = "[fiducials]\n1 = [-10.0, -7.0]\n2 = [10.0, 7.0]\n3 = [-10.0, 7.0]\n4 = [10.0, -7.0]\n"
+
+
+def test_a_lens_in_pixels_with_fiducials_is_asked_as_far_as_the_image_reaches() -> None:
     long = (
         'format = 1\n[camera]\nid = "far"\nc = 100.0\npixels = [6000, 4000]\npixel_um = 4.0\n'
-        '[lens]\nmodel = "brown"\nk1 = -2.5\n'
+        f'{FIDUCIALS}[lens]\nmodel = "brown"\nk1 = -2.5\n'
     )
     # a corner lies 14.4 mm off, the lens folds the image at 24.3 mm, and c is 100
     made = parse_camera(long, Path("far.toml"))
     assert made.lens == BrownLens(k1=-2.5)
     # nor does a file without any size refuse it
-    bare = long.replace("pixels = [6000, 4000]\npixel_um = 4.0\n", "")
+    bare = long.replace("pixels = [6000, 4000]\npixel_um = 4.0\n", "").replace(FIDUCIALS, "")
     assert parse_camera(bare, Path("far.toml")).lens == made.lens
     # with the principal point aside a corner is 28.3 mm off; 1.5 folds at 31.4
     aside = long.replace("pixel_um", "principal_px = [100.0, 3900.0]\npixel_um")
@@ -218,3 +221,32 @@ def test_a_lens_in_pixels_is_asked_as_far_as_the_image_reaches() -> None:
         parse_camera(aside, Path("far.toml"))
     with pytest.raises(InputError, match=r"line 6: \[camera\] principal_px: lies further off"):
         parse_camera(aside.replace("[100.0", "[-2e5"), Path("far.toml"))
+
+
+@pytest.mark.parametrize(
+    "more", ["pixels = [4000, 3000]\npixel_um = 2.5\n", "format = [10, 7.5]\n", ""]
+)
+@pytest.mark.parametrize("k1", [-2.0, -20.0])
+def test_a_lens_is_judged_alike_in_a_block_and_in_a_camera_file(
+    tmp_path: Path, more: str, k1: float
+) -> None:
+    camera = f'id = "fc"\nc = 8.6\n{more}'
+    lens = f'lens]\nmodel = "brown"\nk1 = {k1}\n'
+    inside = f'format = 1\nname = "n"\n[[camera]]\n{camera}[camera.{lens}'
+    points = "photo,point,x,y\n1,a,0.1,0.2\n1,b,3.0,2.5\n"
+    own = folder_of(tmp_path / "own", inside, points)
+    beside = folder_of(tmp_path / "file", BY_FILE, points)
+    (beside / "fc.toml").write_text(f"format = 1\n[camera]\n{camera}[{lens}")
+    said = []
+    for folder in (own, beside):
+        with pytest.raises(InputError, match="images nothing") as error:
+            read_block(folder)
+        said.append(str(error.value))
+    whole = k1 == -20.0 and not more
+    assert ["radius" in text for text in said] == [whole, whole]
+    assert whole or ["image_points.csv line 3: x: " in text for text in said] == [True, True]
+    # without the row beyond the fold
+    for folder in (own, beside):
+        (folder / "image_points.csv").write_text(points.replace("1,b,3.0,2.5\n", ""))
+    if not whole:
+        assert read_block(own).image_points == read_block(beside).image_points
