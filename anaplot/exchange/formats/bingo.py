@@ -11,6 +11,7 @@ from anaplot.exchange.formats.bingofiles import (
     Geoin,
     Itera,
     PhotoRows,
+    known_cameras,
     looks_like_images,
     read_geoin,
     read_images,
@@ -138,10 +139,13 @@ def _of_folder(folder: Path) -> dict[str, Path]:
     """Return the files of a folder by what is in them; raises InputError for two of a kind."""
     found: dict[str, Path] = {}
     entries = sorted(one for one in folder.iterdir() if one.is_file())[:_MOST]
-    for path in entries:
-        name = path.name.lower()
-        kind = next((word for word in _FILES if word in name), None)
-        if kind is None and looks_like_images(path):
+    kinds = {path: next((w for w in _FILES if w in path.name.lower()), None) for path in entries}
+    cameras = {
+        name for path, kind in kinds.items() if kind == "geoin" for name in known_cameras(path)
+    }
+    for path, named in kinds.items():
+        kind = named
+        if kind is None and looks_like_images(path, cameras):
             kind = "images"
         if kind is None:
             continue

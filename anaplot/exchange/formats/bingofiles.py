@@ -10,7 +10,8 @@ factors of the rotation from image to ground, the primary one first, which phi i
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
+from contextlib import suppress
 from math import asin, atan2, hypot, pi
 from pathlib import Path
 from typing import NamedTuple
@@ -31,6 +32,7 @@ __all__ = [
     "Itera",
     "PhotoRows",
     "angles_in",
+    "known_cameras",
     "looks_like_images",
     "read_geoin",
     "read_images",
@@ -99,16 +101,56 @@ def angles_in(order: str, rotation: Array) -> tuple[float, float, float]:
     return atan2(r02, r22), omega, atan2(r10, r11)
 
 
-def looks_like_images(path: Path) -> bool:
-    """Return whether a file begins as an image file does."""
-    head = head_of(path, _LOOK).splitlines()[:20]
-    rows = [line.split() for line in head if line.strip() and not _is_comment(line)][:2]
-    if len(rows) < 2 or len(rows[0]) != 2 or len(rows[1]) < 3:
-        return False
-    camera = value_of(rows[0][1])
-    if camera is not None and not (camera.is_integer() and 0.0 < camera < _SMALL):
-        return False
-    return "," not in rows[0][0] and None not in map(value_of, rows[1][1:3])
+def looks_like_images(path: Path, cameras: Collection[str] = ()) -> bool:
+    """Return whether a file begins as an image file does.
+
+    Parameters
+    ----------
+    path
+        The file.
+    cameras
+        Names of cameras that a geoin knows: what begins with one of them is no camera constant.
+    """
+    head = head_of(path, _LOOK)
+    lines = head.splitlines()
+    if len(head) > _LOOK // 2 and len(lines) > 1:
+        lines.pop()  # it may be cut
+    inside = ended = False
+    for line in lines:
+        fields = line.split()
+        if _ends(fields):
+            ended |= inside
+            inside = False
+        elif _is_comment(line):
+            continue
+        elif inside:
+            return len(fields) >= 3 and None not in map(value_of, fields[1:3])
+        elif len(fields) != 2 or not (fields[1] in cameras or _of_camera(*fields)):
+            return False
+        else:
+            inside = True
+    return ended
+
+
+def _of_camera(photo: str, camera: str) -> bool:
+    """Whether these are rather a photo and its camera than a camera constant, or fields of CSV."""
+    value = value_of(camera)
+    number = value is None or (value.is_integer() and 0.0 < value < _SMALL)
+    return number and "," not in photo
+
+
+def _ends(fields: list[str]) -> bool:
+    return not fields or fields[0] in ("-99", "-99.")
+
+
+def known_cameras(path: Path) -> set[str]:
+    """Return the names of cameras that a geoin has, as far as it can be read."""
+    found = set()
+    with suppress(InputError):  # who reads it says what is wrong
+        for _, fields in _records(path):
+            if fields[0].upper() == "CAPA" and len(fields) > 1:
+                found.add(fields[1])
+    return found
 
 
 def read_images(path: Path, notes: list[Note]) -> list[PhotoRows]:
@@ -118,7 +160,7 @@ def read_images(path: Path, notes: list[Note]) -> list[PhotoRows]:
     inside, more = False, 0
     for line in source_lines(path, MAX_TABLE_BYTES):
         fields = line.text.split()
-        if not fields or fields[0] in ("-99", "-99."):
+        if _ends(fields):
             inside = False
         elif _is_comment(line.text):
             continue

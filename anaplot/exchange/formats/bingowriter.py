@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 from anaplot.errors import InputError
@@ -38,7 +39,7 @@ def write_bingo(exporting: Exporting, target: Path) -> Exported:
     """
     block, order = exporting.block, exporting.options.order or ORDERS[0]
     check_order(order, ORDERS)
-    rays, notes = rays_that_count(block)
+    rays, notes = _believed(block, *rays_that_count(block))
     notes += not_held(block, holds=("check",))
     made = {"image.dat": "".join(_images(block, rays)), "geoin.dat": "".join(_geoin(block))}
     itera = "".join(_itera(exporting, order))
@@ -50,6 +51,19 @@ def write_bingo(exporting: Exporting, target: Path) -> Exported:
             Note("assumed", None, f"rotations in gon are {order}, image to ground (--order)")
         )
     return Exported(files, tuple(notes))
+
+
+def _believed(
+    block: Block, rays: list[ImagePoint], notes: list[Note]
+) -> tuple[list[ImagePoint], list[Note]]:
+    """Leave out rays that no camera without a format can have, as those of BINGO are."""
+    most = {camera.id: max(replace(camera, format=None).reach()) for camera in block.cameras}
+    of = {photo.id: most[photo.camera] for photo in block.photos}
+    kept = [row for row in rays if max(abs(row.x), abs(row.y)) <= of[row.photo]]
+    if len(kept) < len(rays):
+        text = "rays farther off than 4 c: left out"
+        notes = [*notes, Note("not held", len(rays) - len(kept), text)]
+    return kept, notes
 
 
 def _name(what: str, name: str) -> str:

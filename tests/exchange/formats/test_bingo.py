@@ -19,6 +19,7 @@ from anaplot.exchange.formats import bingo
 from anaplot.exchange.formats.bingofiles import ORDERS, angles_in, turned_by
 from anaplot.exchange.formats.door import Exporting, ExportOptions, Imported, ImportOptions
 from anaplot.exchange.formats.registry import recognised
+from anaplot.photogrammetry.block import Block
 from anaplot.photogrammetry.rotation import rotation_matrix
 from anaplot.report.exportresult import adjusted_result
 
@@ -168,6 +169,86 @@ def test_what_goes_out_comes_in_exactly(tmp_path: Path) -> None:
     for ours, theirs in zip(block.photos, found.photos, strict=True):
         assert theirs.position == ours.position
         assert theirs.rotation == pytest.approx(ours.rotation, abs=1e-14)
+
+
+def called(block: Block, camera: str, photo: str = "101") -> Block:
+    """The block with other names of its camera and of its first photo."""
+    names = {"101": photo}
+    return replace(
+        block,
+        cameras=tuple(replace(one, id=camera) for one in block.cameras),
+        photos=tuple(
+            replace(one, id=names.get(one.id, one.id), camera=camera) for one in block.photos
+        ),
+        image_points=tuple(
+            replace(row, photo=names.get(row.photo, row.photo)) for row in block.image_points
+        ),
+    )
+
+
+def off_in(block: Block, *photos: str) -> Block:
+    """The block without a ray that counts in some photos."""
+    rays = tuple(replace(r, use="off") if r.photo in photos else r for r in block.image_points)
+    return replace(block, image_points=rays)
+
+
+@pytest.mark.parametrize(
+    "block",
+    [
+        *(called(table_block(), name) for name in ("15", "152.4", "nan", "1,5", "1e3")),
+        called(table_block(), "camera", "a,b"),
+        called(table_block(), "k" * 255, "p" * 255),
+        off_in(table_block(), "101"),
+        off_in(called(table_block(), "15"), "101", "102", "103"),
+        off_in(table_block(), *(str(101 + k) for k in range(6))),
+        replace(
+            off_in(table_block(), "101"),
+            photos=(
+                *(replace(table_block().photos[0], id="i" * 200 + str(k)) for k in range(60)),
+                *table_block().photos,
+            ),
+        ),
+    ],
+)
+def test_a_folder_that_is_written_is_recognised_and_read(tmp_path: Path, block: Block) -> None:
+    bingo.write(Exporting(block, tmp_path), tmp_path / "out")
+    assert recognised(tmp_path / "out").kind == "bingo"
+    found = bingo.read(tmp_path / "out", ImportOptions()).block
+    assert rays_of(found) == {
+        (row.photo, row.point): (row.x, row.y) for row in block.image_points if row.use == "xy"
+    }
+    assert [(p.id, p.camera) for p in found.photos] == [(p.id, p.camera) for p in block.photos]
+    write_block(tmp_path / "in", found)
+    assert read_block(tmp_path / "in").photos == found.photos
+
+
+def test_rays_that_no_camera_without_a_format_has_are_left_out(tmp_path: Path) -> None:
+    block = table_block()
+    (camera,) = block.cameras
+    block = replace(
+        block,
+        cameras=(replace(camera, format=(2000.0, 2000.0)),),
+        image_points=(replace(block.image_points[0], x=-620.0), *block.image_points[1:]),
+    )
+    made = bingo.write(Exporting(block, tmp_path), tmp_path / "out")
+    assert "not held 1 rays farther off than 4 c: left out" in texts(made.notes)
+    found = bingo.read(tmp_path / "out", ImportOptions()).block
+    assert len(found.image_points) == len(block.image_points) - 1
+
+
+def test_a_damaged_geoin_is_named_in_a_folder_that_is_recognised(tmp_path: Path) -> None:
+    source = folder(tmp_path, IMAGES.replace(" rmk", " 15"), GEOIN.replace(" rmk", " 15"))
+    with (source / "GEOIN.DAT").open("ab") as file:
+        file.write(b"CONT \xff\n")
+    assert recognised(source).kind == "bingo"
+    with pytest.raises(InputError, match=r"GEOIN\.DAT line 7: "):
+        bingo.read(source, ImportOptions())
+
+
+def test_a_camera_constant_makes_no_image_file_of_bingo(tmp_path: Path) -> None:
+    source = folder(tmp_path, IMAGES.replace("101 rmk", "101 152.4"))
+    assert not bingo.recognises(source)
+    assert not bingo.recognises(source / "image.dat")
 
 
 @pytest.mark.slow
