@@ -20,6 +20,7 @@ __all__ = [
     "names_in",
     "separated",
     "takes_options",
+    "value_typed",
 ]
 
 P = ParamSpec("P")
@@ -141,18 +142,18 @@ def _checked(action: argparse.Action, value: Any) -> Any:
         return value
     if callable(action.type):
         try:
-            value = action.type(_text(value))
+            value = action.type(value_typed(value))
         except argparse.ArgumentTypeError as error:
             raise InputError(f"{option}: {plain(str(error))}") from error
     elif action.choices is not None:
-        value = _text(value)
+        value = value_typed(value)
     if action.choices is not None and value not in action.choices:
         known = [str(choice) for choice in action.choices]
         raise InputError(f"{option}: no {quoted(str(value))}{hint(str(value), known)}")
     return value
 
 
-def _text(value: Any) -> str:
+def value_typed(value: Any) -> str:
     """Return a value as one types it: a list with commas."""
     if isinstance(value, os.PathLike):
         return os.fsdecode(value)

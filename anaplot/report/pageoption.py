@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import shlex
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -12,7 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 from anaplot.errors import InputError
 from anaplot.report.computed import Computed
 from anaplot.report.document import BLANK, Document
-from anaplot.report.keywords import Declare, chosen_options, declared_options
+from anaplot.report.keywords import Declare, chosen_options, declared_options, value_typed
 from anaplot.report.progress import working
 
 if TYPE_CHECKING:
@@ -146,7 +147,10 @@ class AskedPage:
 
 
 def as_typed(command: str, declare: Declare, options: argparse.Namespace) -> str:
-    """Return a command with what it is given and its options that are not the default."""
+    """Return a command with what it is given and its options that are not the default.
+
+    Typed again it means the same: of an option that takes several values each has its own.
+    """
     actions = declared_options(declare)
     given: list[object] = []
     for key, action in actions.items():
@@ -157,6 +161,16 @@ def as_typed(command: str, declare: Declare, options: argparse.Namespace) -> str
     words: list[str] = []
     for option, value in chosen_options(declare, options).items():
         for one in value if isinstance(value, list) else [value]:
-            text = ",".join(map(str, one)) if isinstance(one, tuple) else str(one)
-            words += [option] if option in switches else [option, text]
-    return shlex.join(["anaplot", *command.split(), *map(str, given), *words])
+            words += [option] if option in switches else _with_value(option, value_typed(one))
+    return shlex.join(["anaplot", *command.split(), *map(_no_option, given), *words])
+
+
+def _with_value(option: str, text: str) -> list[str]:
+    """Return the words of an option; what begins with a dash is no further one."""
+    return [f"{option}={text}"] if text.startswith("-") else [option, text]
+
+
+def _no_option(value: object) -> str:
+    """Return what a command is given; a path that begins with a dash is no option."""
+    text = str(value)
+    return f".{os.sep}{text}" if isinstance(value, Path) and text.startswith("-") else text

@@ -53,7 +53,8 @@ def add_report_arguments(parser: argparse.ArgumentParser) -> None:
         "--fiducials",
         type=Path,
         nargs="+",
-        default=(),
+        action="extend",
+        default=[],
         metavar="FILE",
         help="files of measured fiducials, as inner takes them: their inner orientations stand in "
         "the report",

@@ -31,6 +31,7 @@ from anaplot.report.html.render import html_of
 from anaplot.report.html.sections.definitions import columns_shown
 from anaplot.report.pageoption import as_typed
 from anaplot.report.planarguments import add_block_arguments, add_network_arguments
+from anaplot.report.reportarguments import add_report_arguments
 from anaplot.report.verdicts import probability
 
 HOSTILE = "</td><script>alert(1)</script>"
@@ -260,3 +261,35 @@ def test_a_command_is_written_as_it_is_typed(typed: str) -> None:
     again = shlex.split(as_typed(name, declare, options))[1:]
     assert vars(command_parser().parse_args(again)) == vars(options)
     assert sorted(again) == sorted(words)
+
+
+@pytest.mark.parametrize(
+    "typed",
+    [
+        "report a -o b.html --fiducials 1.toml 2.toml",
+        "report a -o b.html --fiducials 1.toml --fiducials=-2.toml",
+        "report a -o b.html --covariance points photos --covariance=parameters:c,k1",
+        "report a -o b.html --given-without=-7,8 --time-limit 5 --fail-on-flag",
+        "report ./-a -o ./-b.html --errors search --thin --components",
+        "report a -o b.html --function 'distance A B' --function='-1 2' --test-set ray:1:2",
+        "report a -o b.html --calibrate c,k1 --calibrate 2:c --calibrate-sigma k1=0.01",
+        "report a -o b.html --imu-boresight-sigma none --snooping-tolerance 0 --angles gon",
+        "compare ./-a ./-b ./-c --stable '\"a,1\",2'",
+        "compare a b --stable=-1,2",
+        "plan block --bridging 2,3 --sidelap 20",
+        "plan network cube --case A,B --plant '\"a,1:1:x:3\"'",
+        "plan network cube --plant=-1:1:x:-3",
+    ],
+)
+def test_a_command_that_is_typed_again_means_the_same(typed: str) -> None:
+    words = shlex.split(typed)
+    options = command_parser().parse_args(words)
+    name = " ".join(words[: 2 if words[0] == "plan" else 1])
+    declare = {
+        "plan block": add_block_arguments,
+        "plan network": add_network_arguments,
+        "compare": add_compare_arguments,
+        "report": add_report_arguments,
+    }[name]
+    again = shlex.split(as_typed(name, declare, options))[1:]
+    assert vars(command_parser().parse_args(again)) == vars(options)
