@@ -17,7 +17,7 @@ from anaplot.report.document import BLANK, Document, Line, say
 from anaplot.report.doorarguments import refuse_unused
 from anaplot.report.output import Output
 from anaplot.report.progress import working
-from anaplot.textfiles.wording import place, quoted
+from anaplot.textfiles.wording import place, quoted, typed_path
 
 __all__ = ["imported_document", "note_lines", "run_import"]
 
@@ -88,7 +88,7 @@ def imported_document(chosen: Format, folder: Path, found: Imported) -> Document
         ),
         *note_lines(found.notes),
         BLANK,
-        say("next: anaplot status {}", quoted(str(folder))),
+        say("next: anaplot status {}", typed_path(folder)),
     ]
     return Document(answer, tuple(page), ())
 

@@ -41,7 +41,7 @@ from anaplot.photogrammetry.inneradvice import odd_scale
 from anaplot.photogrammetry.measuredimage import measured_rays
 from anaplot.report.columns import counted
 from anaplot.session.plates import PlateSystem
-from anaplot.textfiles.wording import place, plain, quoted
+from anaplot.textfiles.wording import place, plain, quoted, typed_path
 
 __all__ = ["CarriedPhoto", "Measured", "OrientedPhoto", "carried", "merged", "points_of", "write"]
 
@@ -127,8 +127,8 @@ def points_of(folder: Path, files: Iterable[Path], camera_file: Path) -> Measure
     toml = block_files(folder)[0]
     if not os.path.lexists(toml):
         raise InputError(
-            f"{place(folder)}: no block; anaplot new {plain(str(folder), 200)} --camera "
-            f"{plain(str(camera_file), 200)} --strip FIRST-LAST makes one"
+            f"{place(folder)}: no block; anaplot new {typed_path(folder)} --camera "
+            f"{typed_path(camera_file)} --strip FIRST-LAST makes one"
         )
     digest = image_points_digest(folder)
     block = with_image_points(folder, read_declared(folder))

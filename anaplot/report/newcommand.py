@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import shlex
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -61,11 +60,11 @@ def write_answers(folder: Path, answers: Answers) -> tuple[str, ...]:
     """
     from anaplot.exchange.newblock import write_new
     from anaplot.station.waystoopen import ways_to_open
-    from anaplot.textfiles.wording import plain
+    from anaplot.textfiles.wording import plain, typed_path
 
     new = new_block(folder, answers)
     block = write_new(folder, new)
-    shown = plain(shlex.quote(str(folder)), 200)
+    shown = typed_path(folder)
     following = f"anaplot open {shown} {ways_to_open(block)}"
     if block.image_points:
         following = f"anaplot {'bridge' if block.strips else 'adjust'} {shown}"

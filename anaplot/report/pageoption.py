@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 import shlex
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -15,6 +14,7 @@ from anaplot.report.computed import Computed
 from anaplot.report.document import BLANK, Document
 from anaplot.report.keywords import Declare, chosen_options, declared_options, value_typed
 from anaplot.report.progress import working
+from anaplot.textfiles.wording import typed_value
 
 if TYPE_CHECKING:
     from anaplot.report.html.angles import AngleUnit
@@ -162,15 +162,9 @@ def as_typed(command: str, declare: Declare, options: argparse.Namespace) -> str
     for option, value in chosen_options(declare, options).items():
         for one in value if isinstance(value, list) else [value]:
             words += [option] if option in switches else _with_value(option, value_typed(one))
-    return shlex.join(["anaplot", *command.split(), *map(_no_option, given), *words])
+    return shlex.join(["anaplot", *command.split(), *map(typed_value, given), *words])
 
 
 def _with_value(option: str, text: str) -> list[str]:
     """Return the words of an option; what begins with a dash is no further one."""
     return [f"{option}={text}"] if text.startswith("-") else [option, text]
-
-
-def _no_option(value: object) -> str:
-    """Return what a command is given; a path that begins with a dash is no option."""
-    text = str(value)
-    return f".{os.sep}{text}" if isinstance(value, Path) and text.startswith("-") else text

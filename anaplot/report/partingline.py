@@ -8,7 +8,7 @@ from pathlib import Path
 
 from anaplot.session.workdone import WorkDone
 from anaplot.station.blockstep import NextStep
-from anaplot.textfiles.wording import plain
+from anaplot.textfiles.wording import plain, typed_value
 
 __all__ = ["open_again", "parting_line"]
 
@@ -25,7 +25,7 @@ def open_again(folder: Path, options: argparse.Namespace) -> str:
     options
         Those of `open`; what has its default is not repeated.
     """
-    words = ["anaplot", "open", str(folder)]
+    words = ["anaplot", "open", typed_value(folder)]
     if getattr(options, "simulate", False):
         words.append("--simulate")
         if options.seed != 1:

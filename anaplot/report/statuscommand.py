@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import shlex
 from collections.abc import Container, Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -43,7 +42,7 @@ from anaplot.report.progress import working
 from anaplot.session.filedaccidents import NO_ACCIDENTS
 from anaplot.station.blockstatus import BlockStatus, status_of
 from anaplot.station.journaled import Journaled, journaled
-from anaplot.textfiles.wording import plain
+from anaplot.textfiles.wording import typed_path
 
 if TYPE_CHECKING:
     from anaplot.bundle.solve.adjusted import AdjustedBlock
@@ -115,7 +114,7 @@ def block_status(
     """
     block = read_block(folder)
     found = journaled(folder, block)
-    name = plain(shlex.quote(str(folder)))
+    name = typed_path(folder)
     accidents = NO_ACCIDENTS
     if block.image_points:
         from anaplot.session.blockaccidents import block_accidents
@@ -157,7 +156,7 @@ def adjusted_status(
 
     found = Journaled() if folder is None else journaled(folder, block)
     view = view_of(answer_of(adjusted), BlockView("", 0, False), None, most_weak=_MOST_WEAK)
-    name = "BLOCK" if folder is None else plain(shlex.quote(str(folder)))
+    name = "BLOCK" if folder is None else typed_path(folder)
     kept = without_rejected(adjusted)
     accidents = block_accidents(kept, progress)
     return status_of(kept, found.state, view, name, accidents, bridged), found

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -34,7 +33,7 @@ from anaplot.station.commanded import Commanded
 from anaplot.station.livestatus import LiveStatus
 from anaplot.station.replay import Step, recorded_block, replay
 from anaplot.station.snapshot import LinkView, Snapshot, snapshot_of
-from anaplot.textfiles.wording import plain
+from anaplot.textfiles.wording import typed_path
 
 __all__ = ["ReplayStation"]
 
@@ -70,7 +69,7 @@ class ReplayStation(Commanded):
         self._lock = threading.Lock()
         self._of_session: set[str] = set()
         self._watch = BlockWatch(self._block_seen)
-        self._status = LiveStatus(plain(shlex.quote(str(session))))
+        self._status = LiveStatus(typed_path(session))
         self._desk = Desk.at(start(self._block))
         self._snapshot = self._first()
         self._thread: threading.Thread | None = None

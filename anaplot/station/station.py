@@ -10,7 +10,6 @@ station.
 from __future__ import annotations
 
 import contextlib
-import shlex
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -74,7 +73,7 @@ from anaplot.station.restored import Snapshots
 from anaplot.station.snapshot import LinkView, Snapshot, snapshot_of
 from anaplot.station.takenup import TakenUp
 from anaplot.station.worker import Worker
-from anaplot.textfiles.wording import plain
+from anaplot.textfiles.wording import typed_path
 
 __all__ = ["DEFAULT_PATTERN", "Severity", "Station"]
 
@@ -156,7 +155,7 @@ class Station(Commanded):
             self._recorder.events(taken_up.decided)
             past, self._points = taken_up.past, taken_up.points
             self._snapshots = Snapshots(self._journal, block, past)
-            self._status = LiveStatus(plain(shlex.quote(str(folder))))
+            self._status = LiveStatus(typed_path(folder))
             self._desk = Desk.at(
                 past.state,
                 None if self._instrument is None else self._instrument.abilities,

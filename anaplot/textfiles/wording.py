@@ -2,10 +2,21 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-__all__ = ["describe_type", "first_of", "hint", "place", "plain", "quoted", "reason"]
+__all__ = [
+    "describe_type",
+    "first_of",
+    "hint",
+    "place",
+    "plain",
+    "quoted",
+    "reason",
+    "typed_path",
+    "typed_value",
+]
 
 
 def plain(text: str | bytes, limit: int | None = None) -> str:
@@ -60,6 +71,19 @@ def place(path: Path, line: int | None = None) -> str:
     """Return "FILE line N", or only the file where there is no line."""
     name = plain(str(path), 400)
     return name if line is None else f"{name} line {line}"
+
+
+def typed_path(path: Path) -> str:
+    """Return a path as one types it in a shell, uncut, in one safe line."""
+    import shlex  # as difflib
+
+    return plain(shlex.quote(typed_value(path)))
+
+
+def typed_value(value: object) -> str:
+    """Return the text of a value on a command line; a path with a dash first is no option."""
+    text = str(value)
+    return f".{os.sep}{text}" if isinstance(value, Path) and text.startswith("-") else text
 
 
 def reason(error: BaseException) -> str:

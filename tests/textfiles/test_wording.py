@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import shlex
+from pathlib import Path
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from anaplot.textfiles.wording import plain
+from anaplot.textfiles.wording import plain, typed_path
 
 
 @given(st.one_of(st.text(max_size=200), st.binary(max_size=200)), st.integers(10, 150))
@@ -43,3 +46,14 @@ def test_long_text_is_cut_between_characters_and_says_so() -> None:
     assert plain("x" * 121, 120) == "x" * 117 + "..."
     assert plain(b"abc\x00\x00", 10) == "abc\\x00..."
     assert plain("é" * 1000, 5) == "éé..."
+
+
+@pytest.mark.parametrize("name", ["d'q/b l", "x" * 300, "-b", "a;b", "$HOME", "ü", "d/-b", "~"])
+def test_a_path_is_written_as_a_shell_reads_it(name: str) -> None:
+    (word,) = shlex.split(typed_path(Path(name)))
+    assert Path(word) == Path(name)
+    assert not word.startswith("-")
+
+
+def test_no_path_controls_a_terminal() -> None:
+    assert typed_path(Path("a\x1b[2J\nb")) == "'a\\x1b[2J\\x0ab'"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shlex
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -40,7 +39,7 @@ from anaplot.report.html.sections.switchedoff import protocol_blocks, switched_o
 from anaplot.report.keptblock import without_rejected
 from anaplot.report.logcommand import log_document
 from anaplot.station.sessionlog import read_log
-from anaplot.textfiles.wording import plain
+from anaplot.textfiles.wording import typed_path
 
 __all__ = ["Bridged", "block_plates", "bridged_strips", "evidence_sections"]
 
@@ -165,4 +164,4 @@ def _protocol(folder: Path) -> Section:
     except InputError as error:
         said = say("The journal cannot be read: {}", str(error)).of("look")
         return Section("protocol", _PROTOCOL, (said,))
-    return Section("protocol", _PROTOCOL, protocol_blocks(log, plain(shlex.quote(str(folder)))))
+    return Section("protocol", _PROTOCOL, protocol_blocks(log, typed_path(folder)))

@@ -50,7 +50,7 @@ def test_a_model_goes_through(
     assert main(["import", "project", "-o", "block", "--sigma-px", "0.3"]) == 0
     said = capsys.readouterr().out
     assert "7 photos, 3 cameras" in said
-    assert "next: anaplot status 'block'" in said
+    assert "next: anaplot status block\n" in said
     file = Path("block/image_points.csv")
     imported, measured = file.read_bytes(), pixels(file)
 

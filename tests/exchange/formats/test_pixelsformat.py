@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from dataclasses import replace
 from pathlib import Path
 
@@ -81,6 +82,22 @@ def test_a_table_and_its_control_become_a_block(
     twice = read_block(again)
     for part in ("image_points", "control", "cameras", "photos", "precision"):
         assert getattr(twice, part) == getattr(read, part)
+
+
+@pytest.mark.parametrize("name", ["d'q/b l", "x" * 70])
+def test_the_command_that_is_next_can_be_typed(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    name: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("t.csv").write_text(HEAD + ROWS)
+    options = ["--c", "3000", "--pixels", "4000x3000", "-o", name]
+    assert main(["import", "pixels", "t.csv", *options]) == 0
+    said = capsys.readouterr().out.splitlines()[-1]
+    assert said.startswith("next: anaplot ")
+    assert main(shlex.split(said)[2:]) == 0
 
 
 def test_titles_are_stated_by_name_or_by_number(tmp_path: Path) -> None:
