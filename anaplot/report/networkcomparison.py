@@ -6,7 +6,6 @@ import argparse
 from collections.abc import Sequence
 
 from anaplot.bundle.solve.rulesofthumb import rules_of_thumb
-from anaplot.errors import InputError
 from anaplot.report.computed import Computed
 from anaplot.report.document import (
     BLANK,
@@ -22,7 +21,7 @@ from anaplot.report.pageoption import AskedPage, MakesPage
 from anaplot.report.planarguments import add_network_arguments
 from anaplot.report.planblock import run_planned
 from anaplot.report.plannetwork import PlannedNetwork, network_files, planned_network
-from anaplot.report.running import run_side_by_side
+from anaplot.report.running import refuse_with_several, run_side_by_side
 
 __all__ = ["compared_networks", "run_plan_network"]
 
@@ -69,9 +68,8 @@ def run_plan_network(options: argparse.Namespace, report: MakesPage) -> int:
         reads = network_files(options.network)
         page = AskedPage.of(options, "plan network", add_network_arguments, lambda: reads, report)
         return run_planned(options, planned_network, page, reads)
-    alone = (options.to, options.point, options.plant, options.report)
-    if any(given is not None for given in alone):
-        raise InputError("--to, --point, --plant and --report go with one version of the cube")
+    alone = ("to", "point", "plant", "correlations", "report", "figures", "angles")
+    refuse_with_several(options, alone, add_network_arguments, "one version of the cube")
     reads = network_files(options.network)
     return run_side_by_side(options, "case", planned_network, compared_networks, reads)
 

@@ -26,7 +26,7 @@ from anaplot.report.document import (
 from anaplot.report.pageoption import AskedPage, MakesPage
 from anaplot.report.planarguments import add_block_arguments
 from anaplot.report.planblock import PlannedBlock, plan_lines, planned_block, run_planned
-from anaplot.report.running import run_side_by_side
+from anaplot.report.running import refuse_with_several, run_side_by_side
 from anaplot.report.workplace import place_of
 from anaplot.shares.address import LOCAL
 
@@ -70,10 +70,8 @@ def run_plan_block(options: argparse.Namespace, report: MakesPage) -> int:
         page = AskedPage.of(options, "plan block", add_block_arguments, tuple, report)
         return run_planned(options, planned_block, page)
     at = None if options.on == LOCAL else place_of(options.on, None, None)
-    asked = (("--to", options.to), ("--stabilize", options.stabilize), ("--report", options.report))
-    for option, given in asked:
-        if given is not None:
-            raise InputError(f"{option} goes with one bridging distance")
+    alone = ("to", "stabilize", "report", "figures", "angles")
+    refuse_with_several(options, alone, add_block_arguments, "one bridging distance")
     twice = next((one for one in distances if distances.count(one) > 1), None)
     if twice is not None:
         raise InputError(f"bridging distance {twice:g} is given twice")

@@ -10,13 +10,13 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
-from anaplot.errors import NotComputableError
+from anaplot.errors import InputError, NotComputableError
 from anaplot.exchange.blockfolder import read_block
 from anaplot.freedmemory import keep_freed_memory
 from anaplot.photogrammetry.block import Block
 from anaplot.report.computed import Computed
 from anaplot.report.interrupts import EndingEarly, TimeLimit
-from anaplot.report.keywords import keywords_of
+from anaplot.report.keywords import Declare, declared_options, keywords_of
 from anaplot.report.output import Output
 from anaplot.report.progress import ProgressLine
 from anaplot.textfiles.wording import place, plain
@@ -25,7 +25,14 @@ if TYPE_CHECKING:
     from anaplot.report.pageoption import AskedPage
     from anaplot.shares.work import Place
 
-__all__ = ["BlockOrFolder", "block_of", "computed", "run_computation", "run_side_by_side"]
+__all__ = [
+    "BlockOrFolder",
+    "block_of",
+    "computed",
+    "refuse_with_several",
+    "run_computation",
+    "run_side_by_side",
+]
 
 T = TypeVar("T")
 
@@ -67,6 +74,33 @@ def run_computation(
     found = computed(options, compute)
     output.show(found.document if page is None else page.shown(found))
     return 1 if found.flagged and options.fail_on_flag else 0
+
+
+def refuse_with_several(
+    options: argparse.Namespace, alone: Iterable[str], declare: Declare, one: str
+) -> None:
+    """Refuse options of which nothing would be seen where results stand side by side.
+
+    Parameters
+    ----------
+    options
+        Of the command line.
+    alone
+        Names of those that go with one result.
+    declare
+        Adds the command's options.
+    one
+        What there must be one of.
+
+    Raises
+    ------
+    InputError
+        One of them is not what it is without.
+    """
+    declared = {key: declared_options(declare)[key] for key in alone}
+    if any(getattr(options, key) != option.default for key, option in declared.items()):
+        *first, last = (option.option_strings[0] for option in declared.values())
+        raise InputError(f"{', '.join(first)} and {last} go with {one}")
 
 
 def run_side_by_side(

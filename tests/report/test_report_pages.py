@@ -215,6 +215,18 @@ def test_plans_of_several_have_no_page(tmp_path: Path, capsys) -> None:
     for arguments in (("block", "--bridging", "2,4"), ("network", "cube", "--case", "A,B")):
         one_line(here(capsys, "plan", *arguments, "--report", page), 2, "--report")
     assert not page.exists()
+    several = (
+        ("block", "--bridging", "2,4", "one bridging distance"),
+        ("network", "cube", "--case", "A,B", "one version of the cube"),
+    )
+    figures = tmp_path / "figures"
+    for *arguments, only in several:
+        for option, value in (("--figures", figures), ("--angles", "gon")):
+            result = here(capsys, "plan", *arguments, option, value)
+            one_line(result, 2, option, f" go with {only}")
+    result = here(capsys, "plan", "network", "cube", "--case", "A,B", "--correlations", ".5")
+    one_line(result, 2, "--correlations", "go with one version of the cube")
+    assert not figures.exists()
     result = here(capsys, "plan", "block", "--strips", "2", "--photos", "4", "--report", page)
     assert (result.returncode, result.stderr) == (0, "")
     assert page.exists()
