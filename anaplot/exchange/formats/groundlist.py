@@ -14,6 +14,7 @@ from anaplot.exchange.formats.door import Note
 from anaplot.exchange.formats.namedcolumns import commas_told, open_columns
 from anaplot.exchange.formats.sourcelines import source_lines, value_of
 from anaplot.photogrammetry.block import ControlPoint, ControlUse
+from anaplot.textfiles.kinds import METRES, SIGMA_OR_FREE, WrongValueError
 from anaplot.textfiles.wording import quoted
 
 __all__ = ["read_ground"]
@@ -74,6 +75,11 @@ def _read(path: Path) -> tuple[GroundPoints, tuple[Note, ...]]:
         value = {axis: table.number(line, text, axis) for axis, text in row.items() if text}
         if any(number < 0.0 for axis, number in value.items() if axis.startswith("s")):
             raise line.fail("a standard deviation must not be negative")
+        for axis, number in value.items():
+            try:
+                (SIGMA_OR_FREE if axis.startswith("s") else METRES).of(number)
+            except WrongValueError as error:
+                raise line.fail(f"{axis} {error}") from None
         every = value.get("sigma")
         points[name] = ControlPoint(
             name,

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from math import hypot, isfinite, sqrt
+from math import hypot, sqrt
 from pathlib import Path
 from sys import intern
-from typing import Final, TypeAlias, cast
+from typing import Final, TypeAlias, TypeVar, cast
 
 from anaplot.errors import InputError
 from anaplot.exchange.camerafile import format_camera
@@ -19,6 +19,7 @@ from anaplot.exchange.formats.measuredrays import MeasuredRay, image_points_of, 
 from anaplot.exchange.formats.namedcolumns import ColumnTable, open_columns, plain_title
 from anaplot.exchange.formats.sourcelines import SourceLine, source_lines
 from anaplot.exchange.formats.statedcameras import needed_camera, stated_cameras
+from anaplot.exchange.measuredrows import REASON
 from anaplot.photogrammetry.block import (
     Block,
     Camera,
@@ -30,6 +31,7 @@ from anaplot.photogrammetry.block import (
 from anaplot.photogrammetry.camera import CameraCalibration
 from anaplot.photogrammetry.measuredimage import measured_places
 from anaplot.textfiles.csvtable import csv_text
+from anaplot.textfiles.kinds import SIGMA, WrongValueError
 from anaplot.textfiles.names import name_fault
 from anaplot.textfiles.wholefile import create_folder
 from anaplot.textfiles.wording import plain, quoted
@@ -66,6 +68,8 @@ _USES: Final = ("xy", "x", "y", "off")
 _ORDERS: Final = ("corner", "pixel-centre", "middle", "up", "down")
 _SHOWN: Final = 2  # rows
 
+S = TypeVar("S")
+T = TypeVar("T")
 _Called: TypeAlias = tuple[SourceLine, str, str]  # a photo and its camera
 
 
@@ -284,15 +288,23 @@ def _rays(
         um = 1000.0 * (of_photo[photo].pixel_mm if axes.pixels else axes.scale)
         sigma, differs = _sigma(table, line, row, um)
         uneven += differs
-        reason = row.get("reason") or None
-        if reason is not None and (not reason.isprintable() or len(reason) > 1000):
-            raise line.fail("the reason is no text of one line")
+        if sigma is not None:
+            _check(line, "sigma_um", SIGMA.of, sigma)
+        reason = _check(line, "reason", REASON.of_text, row.get("reason", ""))
         rays.append(MeasuredRay(photo, point, x, y, sigma, cast("Use", use), reason))
     shown = _shown(lines, rays, axes)
     if not uneven:
         return rays, shown, ()
     text = "rays with different sigmas in x and y: both count with their quadratic mean"
     return rays, shown, (Note("changed", uneven, text),)
+
+
+def _check(line: SourceLine, what: str, kind: Callable[[S], T], value: S) -> T:
+    """Return a value that a block can hold; raises InputError for another one."""
+    try:
+        return kind(value)
+    except WrongValueError as error:
+        raise line.fail(f"{what} {error}") from None
 
 
 def _sigma(
@@ -304,9 +316,8 @@ def _sigma(
         for name in ("sigma", "sx", "sy", "sigma_um")
         if row.get(name)
     }
-    wrong = next((name for name, value in values.items() if value <= 0.0), None)
-    if wrong is not None:
-        raise line.fail(f"{wrong} must be greater than 0, not {values[wrong]:g}")
+    for name, value in values.items():
+        _check(line, name, SIGMA.of, value)
     if "sigma_um" in values:
         return values["sigma_um"], False
     sx, sy = (values.get(name, values.get("sigma")) for name in ("sx", "sy"))
@@ -314,8 +325,6 @@ def _sigma(
         one = sx if sy is None else sy
         return None if one is None else one * um, False
     mean = sx if sx == sy else hypot(sx, sy) / sqrt(2.0)
-    if not isfinite(mean * um):
-        raise line.fail("the sigma is too large")
     return mean * um, sx != sy
 
 

@@ -254,6 +254,9 @@ WRONG = [
     (HEAD + "a," + "n" * 200_000 + "\n", "longer than 100000 characters"),
     (HEAD.strip() + ",use\na,1,2,3,maybe\n", "use must be one of"),
     (HEAD.strip() + ",sigma\na,1,2,3,0\n", "sigma must be greater than 0"),
+    (HEAD.strip() + ",sigma\na,1,2,3,1e150\n", "t.csv line 2: sigma 1e+150 is too large"),
+    (f"{HEAD.strip()},reason\na,1,2,3,{'n' * 401}\n", "line 2: reason is longer than 400"),
+    (HEAD.strip() + ",reason\na,1,2,3,a\x1bb\n", "line 2: reason holds a character"),
     (HEAD.strip() + ",camera\na,1,2,3,k\nb,1,2,3,\n", "photo 'b': no row says which camera"),
     (HEAD.strip() + ",camera\na,1,2,3,k\na,2,2,3,l\n", "photo 'a' has camera 'k' already"),
     ("photo;point;x;y\na;1;1,5,5;2\n", "x must be a finite number"),
@@ -346,6 +349,8 @@ def test_control_that_is_wrong(tmp_path: Path) -> None:
     for text, message in (
         ("1 2 3 4\n1 2 3 4\n", "line 2: point '1' twice"),
         ("1 2 3 4 -1\n", "must not be negative"),
+        ("1 1e13 3 4\n", "line 1: X must lie between"),
+        ("1 2 3 4 1e150\n", "line 1: sigma 1e.150 is too large"),
         ("1 2 3\n", "no header, and 3 columns"),
         ("name,E,N,nix\n1,2,3,4\n", "unknown column 'nix'"),
     ):
