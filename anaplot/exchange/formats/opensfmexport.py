@@ -13,7 +13,7 @@ from anaplot.exchange.formats.door import SOURCE, ControlResult, Exported, Expor
 from anaplot.exchange.formats.gcplist import GCP_LIST, read_gcp_list
 from anaplot.exchange.formats.measuredrays import MeasuredRay, measured_anew
 from anaplot.exchange.formats.opensfmmodel import TrackRow, track_rows
-from anaplot.exchange.formats.sourcelines import source_lines
+from anaplot.exchange.formats.sourcelines import SourceLine, source_lines
 from anaplot.photogrammetry.block import Block
 from anaplot.textfiles.inputfile import read_bytes
 from anaplot.textfiles.wholefile import all_or_nothing, create_whole, make_folder
@@ -118,12 +118,12 @@ class _Rays:
 
     def lines(self, path: Path) -> Iterator[bytes]:
         """Yield the lines that stay."""
-        for row in track_rows(path):
+        for row, line in zip(track_rows(path), _as_they_stand(path), strict=True):
             if not isinstance(row, TrackRow):
-                yield row.text.encode() + b"\n"
+                yield line.text.encode()
             elif self._stays(row):
                 self._left[row.track] += row.image in self._photos
-                yield row.line.text.encode() + b"\n"
+                yield line.text.encode()
             else:
                 self._removed += 1
                 self._touched.add(row.track)
@@ -158,6 +158,11 @@ class _Rays:
         return [Note(what, count, text) for what, count, text in told if count]
 
 
+def _as_they_stand(path: Path) -> Iterator[SourceLine]:
+    """Yield the lines of a file with their ends, the first also with its byte order mark."""
+    return source_lines(path, encoding="utf-8", ends=True)
+
+
 def _without_points(path: Path, block: Block, gone: set[str]) -> bytes:
     """Return the reconstructions, that of the block without some points."""
     found = read_json(path)
@@ -184,14 +189,15 @@ def _gcp_text(
     verdicts = {one.point: one for one in results}
     off = {row.point for row in block.control if row.use == "off"}
     lines, left_out, anew = [], 0, 0
-    for line in source_lines(path):
-        text = line.text
+    for line in _as_they_stand(path):
+        text = line.text.rstrip("\r\n")
+        end = line.text[len(text) :]
         if line.number in by_line:
             row, name, point, kept = by_line[line.number]
             ray = None if kept is None else rays.get((row.image, kept))
             if ray is None or ray.use != "xy" or point in off:
                 left_out += 1
-                lines.append(f"# off: {text}")
+                lines.append(f"# off: {text}{end}")
                 continue
             if ray.measured is not None and measured_anew(ray, *row.pixel):
                 anew += 1
@@ -199,7 +205,7 @@ def _gcp_text(
                 text = " ".join((*words[:3], *map(repr, ray.measured), words[5]))
             named = "" if row.name is not None else f" {name}"
             text = f"{text.rstrip()}{named}{_verdict(verdicts.get(point))}"
-        lines.append(text)
+        lines.append(text + end)
     notes = []
     if left_out:
         text = "measurements of control that do not count: behind # off: in gcp_list.txt"
@@ -210,7 +216,7 @@ def _gcp_text(
     if results:
         text = "verdict, r in plan and r in height stand behind every line of gcp_list.txt"
         notes.append(Note("changed", None, text))
-    return "\n".join(lines) + "\n", notes
+    return "".join(lines), notes
 
 
 def _verdict(found: ControlResult | None) -> str:

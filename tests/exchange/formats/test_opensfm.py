@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -390,13 +391,58 @@ def test_what_is_not_from_there_cannot_go_there(tmp_path: Path) -> None:
     assert not (tmp_path / "o").exists()
 
 
-def test_nothing_changed_is_byte_for_byte(tmp_path: Path) -> None:
+def _with(path: Path, change: Callable[[bytes], bytes]) -> None:
+    path.write_bytes(change(path.read_bytes()))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda data: data,
+        lambda data: data.replace(b"\n", b"\r\n"),
+        lambda data: data.replace(b"\n", b"\r\n", 3),
+        lambda data: b"\xef\xbb\xbf" + data,
+        lambda data: data.rstrip(b"\n"),
+        lambda data: data + b"\r\n\n",
+    ],
+)
+def test_nothing_changed_is_byte_for_byte(tmp_path: Path, change: Callable[[bytes], bytes]) -> None:
     flight = Flight()
     flight.write(tmp_path / "s")
+    _with(tmp_path / "s" / "tracks.csv", change)
     assert main(["import", "opensfm", str(tmp_path / "s"), "-o", str(tmp_path / "b")]) == 0
     assert main(["export", "opensfm", str(tmp_path / "b"), "-o", str(tmp_path / "o")]) == 0
     for name in ("reconstruction.json", "tracks.csv", "reference_lla.json"):
         assert (tmp_path / "o" / name).read_bytes() == (tmp_path / "s" / name).read_bytes()
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+def test_lines_that_stay_keep_their_ends(tmp_path: Path, end: str) -> None:
+    flight = Flight()
+    flight.write(tmp_path / "s")
+    places = GroundFrame.of(local_system("WGS84", (LON, LAT, HEIGHT))).out_of_block(flight.control)
+    listed = flight.gcp_list("WGS84", places).splitlines()
+    (tmp_path / "s" / "gcp_list.txt").write_bytes(end.join(listed).encode())
+    _with(tmp_path / "s" / "tracks.csv", lambda data: data.replace(b"\n", end.encode()))
+    assert main(["import", "opensfm", str(tmp_path / "s"), "-o", str(tmp_path / "b")]) == 0
+    _with(tmp_path / "b" / "image_points.csv", _first_and_last_off)
+    assert main(["export", "opensfm", str(tmp_path / "b"), "-o", str(tmp_path / "o")]) == 0
+    before = (tmp_path / "s" / "tracks.csv").read_bytes().splitlines(keepends=True)
+    after = (tmp_path / "o" / "tracks.csv").read_bytes().splitlines(keepends=True)
+    assert len(after) == len(before) - 1
+    assert set(after) < set(before)
+    control = (tmp_path / "o" / "gcp_list.txt").read_bytes().decode()
+    assert control.count(end) == len(listed) - 1 == control.count("\n")
+    assert control.count(f"{end}# off: ") == 1
+    assert control.startswith(f"WGS84{end}# a remark{end}")
+
+
+def _first_and_last_off(data: bytes) -> bytes:
+    """Switch off the first and the last row of an image_points.csv: a track's and control's."""
+    head, first, *rows, last = data.decode().splitlines()
+    assert head.split(",")[-1] == "model"
+    off = (f"{row},{'off' if row in (first, last) else ''}" for row in (first, *rows, last))
+    return "\n".join((f"{head},use", *off, "")).encode()
 
 
 BROKEN = {
