@@ -214,12 +214,12 @@ def track_rows(path: Path) -> Iterator[TrackRow | SourceLine]:
     fields = _COLUMNS[0]
     for line in source_lines(path):
         if line.number == 1 and line.text.startswith(_VERSION):
-            version = line.text.removeprefix(_VERSION)
+            version = line.text.removeprefix(_VERSION).rstrip()
             if version not in ("1", "2"):
                 raise line.fail(f"tracks of version {quoted(version)}: 0, 1 and 2 are read")
             fields = _COLUMNS[int(version)]
             yield line
-        elif not line.text:
+        elif not line.text.strip():
             yield line
         else:
             parts = line.text.split("\t", 2)

@@ -404,6 +404,8 @@ def _with(path: Path, change: Callable[[bytes], bytes]) -> None:
         lambda data: b"\xef\xbb\xbf" + data,
         lambda data: data.rstrip(b"\n"),
         lambda data: data + b"\r\n\n",
+        # blanks behind the version, and in a line of nothing else
+        lambda data: data.replace(b"_v2", b"_v2 \t") + b" \n",
     ],
 )
 def test_nothing_changed_is_byte_for_byte(tmp_path: Path, change: Callable[[bytes], bytes]) -> None:
