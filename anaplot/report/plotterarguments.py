@@ -36,7 +36,7 @@ def _plotter_watch(options: argparse.Namespace) -> int:
 
 def _plotter_sim(options: argparse.Namespace) -> int:
     from anaplot.plotter.device.hand import Hand
-    from anaplot.report.simulatorcommand import run_simulator
+    from anaplot.report.simulatorcommand import grid_photographs, laid_pair, run_simulator
 
     photographs = in_right = None
     if options.truth is not None:
@@ -45,8 +45,8 @@ def _plotter_sim(options: argparse.Namespace) -> int:
         photographs, in_right = plates_in(options.truth, options.seed)
     laid = None
     if options.lay is not None:
-        left, _, right = options.lay.partition("/")
-        laid = (left, right or left)
+        there = grid_photographs() if photographs is None else photographs
+        laid = laid_pair(options.lay, there)
     return run_simulator(
         options.profile,
         sys.stdout,
@@ -154,7 +154,11 @@ def _add_parts(plotter: CommandParser) -> None:
         help="the block whose image_points.csv lies in the plates (shifted, turned and shrunk "
         "where its cameras have fiducials); a grid when left out",
     )
-    sim.add_argument("--lay", metavar="LEFT/RIGHT", help="photographs to begin with")
+    sim.add_argument(
+        "--lay",
+        metavar="LEFT/RIGHT",
+        help="photographs to begin with; one alone lies in both carriages",
+    )
     sim.add_argument("--link", type=Path, metavar="PATH", help="stable name of the port")
     sim.add_argument(
         "--tcp", type=whole(0, 65535), metavar="PORT", help="serve loopback TCP instead; 0: any"

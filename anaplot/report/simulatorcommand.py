@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TextIO
 
 from anaplot.aliases import Side
 from anaplot.errors import AnaplotError, InputError
+from anaplot.photogrammetry.selection import model_splits
 from anaplot.plotter.device.faults import FAULTS
 from anaplot.plotter.device.hand import Hand, HandSettled, Photographs
 from anaplot.plotter.device.mishaps import MISHAP_USAGE, MISHAPS, plant
@@ -16,9 +17,9 @@ from anaplot.plotter.device.plotter import SimulatedPlotter
 from anaplot.plotter.device.server import SimulatorServer
 from anaplot.plotter.profile import load_profile
 from anaplot.report.plottercommand import describe_place
-from anaplot.textfiles.wording import plain
+from anaplot.textfiles.wording import hint, plain, quoted
 
-__all__ = ["grid_photographs", "obey", "run_simulator"]
+__all__ = ["grid_photographs", "laid_pair", "obey", "run_simulator"]
 
 _ATTENDED: dict[str, Side | None] = {"left": "left", "right": "right", "points": None}
 _LOOKS_FOR = {
@@ -62,6 +63,30 @@ def grid_photographs(base: float = 92.0, step: float = 20.0, half: float = 100.0
                 left[name] = (x, y)
                 right[name] = (x - base, y)
     return {"left": left, "right": right}
+
+
+def laid_pair(text: str, there: Collection[str]) -> tuple[str, str]:
+    """Return the photographs that `--lay` names, LEFT/RIGHT or one for both carriages.
+
+    Names may hold slashes: that one counts at whose sides there are photographs.
+
+    Raises
+    ------
+    InputError
+        No slash is such a one, or several are.
+    """
+    alone = text.removesuffix("/")
+    pairs = [pair for pair in model_splits(text) if pair[0] in there and pair[1] in there]
+    pairs += [(name, name) for name in dict.fromkeys((text, alone)) if name in there]
+    if len(pairs) > 1:
+        shown = ", or ".join(f"{quoted(left)} and {quoted(right)}" for left, right in pairs[:4])
+        raise InputError(f"--lay {quoted(text)} may be {shown}: in which carriage is what?")
+    if not pairs:
+        raise InputError(
+            f"--lay {quoted(text)}: neither LEFT/RIGHT nor one of the photographs"
+            f"{hint(text, there)}"
+        )
+    return pairs[0]
 
 
 def run_simulator(

@@ -19,7 +19,7 @@ from anaplot.plotter.ports import parse_ports
 from anaplot.plotter.profile import find_profiles, load_profile
 from anaplot.plotter.readings import Fault, InPosition, Position, Record, Refused
 from anaplot.report.plottercommand import check_profile, describe, watch
-from anaplot.report.simulatorcommand import grid_photographs, obey, run_simulator
+from anaplot.report.simulatorcommand import grid_photographs, laid_pair, obey, run_simulator
 
 pytestmark = pytest.mark.usefixtures("nothing_left")
 
@@ -211,3 +211,46 @@ def test_what_the_simulator_refuses(tmp_path):
         run_simulator("simulated", io.StringIO(), fault_rates={"flap": 0.1})
     with pytest.raises(InputError, match="no photograph"):
         run_simulator("simulated", io.StringIO(), laid=("a", "b"))
+
+
+@pytest.mark.parametrize(
+    ("text", "pair"),
+    [
+        ("101/102", ("101", "102")),
+        ("101", ("101", "101")),
+        ("101/", ("101", "101")),
+        ("run 0/1.jpg/run 0/2.jpg", ("run 0/1.jpg", "run 0/2.jpg")),
+        ("run 0/1.jpg/101", ("run 0/1.jpg", "101")),
+        ("run 0/2.jpg", ("run 0/2.jpg", "run 0/2.jpg")),
+    ],
+)
+def test_photographs_to_lay_may_have_slashes_in_their_names(
+    text: str, pair: tuple[str, str]
+) -> None:
+    assert laid_pair(text, ["101", "102", "run 0/1.jpg", "run 0/2.jpg"]) == pair
+
+
+def test_photographs_to_lay_that_are_none_or_may_be_several_are_refused() -> None:
+    with pytest.raises(InputError, match="--lay 'a/b/c' may be 'a' and 'b/c', or 'a/b' and 'c'"):
+        laid_pair("a/b/c", ["a", "b", "c", "a/b", "b/c"])
+    with pytest.raises(InputError, match="--lay 'a/b' may be 'a' and 'b', or 'a/b' and 'a/b'"):
+        laid_pair("a/b", ["a", "b", "a/b"])
+    with pytest.raises(InputError, match="--lay '101/103': neither LEFT/RIGHT nor"):
+        laid_pair("101/103", ["101", "102"])
+
+
+def test_the_photographs_of_the_command_line_are_laid(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    laid = []
+    photographs = {"run/1.jpg": {}, "run/2.jpg": {}}
+    monkeypatch.setattr("anaplot.simulation.opening.plates_in", lambda *_: (photographs, {}))
+    monkeypatch.setattr(
+        "anaplot.report.simulatorcommand.run_simulator", lambda *_, **said: laid.append(said) or 0
+    )
+    command = ["plotter", "sim", "simulated"]
+    assert main([*command, "--lay", "left/right"]) == 0
+    assert main([*command, "--truth", "b", "--lay", "run/1.jpg/run/2.jpg"]) == 0
+    assert [said["laid"] for said in laid] == [("left", "right"), ("run/1.jpg", "run/2.jpg")]
+    assert main([*command, "--lay", "run/1.jpg"]) == 2
+    assert "--lay 'run/1.jpg': neither" in capsys.readouterr().err
