@@ -120,7 +120,6 @@ def add_export_arguments(parser: argparse.ArgumentParser) -> None:
         help="a new file or folder",
     )
     parser.add_argument("--unit", choices=("px", "mm", "um"), help="of image coordinates")
-    parser.add_argument("--crs", metavar="CRS", help="coordinate system of what is written")
     parser.add_argument(
         "--order", metavar="WORD", help="how something is turned; the format's own words"
     )

@@ -159,11 +159,6 @@ def value_typed(value: Any) -> str:
         return os.fsdecode(value)
     if not isinstance(value, list | tuple):
         return str(value)
-    return ",".join(_quoted(str(part)) for part in value)
+    from anaplot.textfiles.csvlines import quoted_cell
 
-
-def _quoted(part: str) -> str:
-    """Return a part of a list as `separated` takes it for one."""
-    if "," not in part and not part.startswith('"'):
-        return part
-    return '"' + part.replace('"', '""') + '"'
+    return ",".join(quoted_cell(str(part)) for part in value)

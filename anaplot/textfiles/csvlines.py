@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import NamedTuple, Self
 
-__all__ = ["CsvLine", "CsvLines", "cell_value", "cells_of", "with_value"]
+__all__ = ["CsvLine", "CsvLines", "cell_value", "cells_of", "quoted_cell", "with_value"]
 
 _MARK = "\ufeff"
 
@@ -157,8 +157,8 @@ def with_value(cell: str, value: str) -> str:
     text = _unquoted(inner) if quoted else inner
     said = text.strip()
     before, after = text.split(said, 1) if said else (text, "")
-    if _quoted(value) != value or (quoted and _quoted(said) == said):
-        return outside + _quoted(f"{before}{value}{after}", always=True)
+    if quoted_cell(value) != value or (quoted and quoted_cell(said) == said):
+        return outside + quoted_cell(f"{before}{value}{after}", always=True)
     return f"{outside}{before}{value}{after}"
 
 
@@ -166,7 +166,7 @@ def _unquoted(cell: str) -> str:
     return next(csv.reader([cell], skipinitialspace=True))[0]
 
 
-def _quoted(value: str, *, always: bool = False) -> str:
+def quoted_cell(value: str, *, always: bool = False) -> str:
     """Return a value in quotes where it needs them, or always."""
     if not (value or always):
         return ""  # a row of one field that is blank would be quoted

@@ -13,6 +13,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from clibench import here, make_block, one_line
+from hypothesis import given
+from hypothesis import strategies as st
 
 from anaplot import bridge, compare, plan
 from anaplot.adjustment.hypothesis import critical_f
@@ -29,6 +31,7 @@ from anaplot.report.html.pages.strippage import strip_report
 from anaplot.report.html.parts import Report, drawings_in, tables_in
 from anaplot.report.html.render import html_of
 from anaplot.report.html.sections.definitions import columns_shown
+from anaplot.report.keywords import separated, value_typed
 from anaplot.report.pageoption import as_typed
 from anaplot.report.planarguments import add_block_arguments, add_network_arguments
 from anaplot.report.reportarguments import add_report_arguments
@@ -305,3 +308,8 @@ def test_a_command_that_is_typed_again_means_the_same(typed: str) -> None:
     }[name]
     again = shlex.split(as_typed(name, declare, options))[1:]
     assert vars(command_parser().parse_args(again)) == vars(options)
+
+
+@given(st.lists(st.text(" ,\"'ab-", min_size=1).map(str.strip), min_size=1, max_size=4))
+def test_names_are_typed_as_they_are_read(names: list[str]) -> None:
+    assert separated(value_typed(names)) == tuple(names)

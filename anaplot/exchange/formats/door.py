@@ -279,8 +279,6 @@ class ExportOptions:
     ----------
     unit
         Of image coordinates: "px", "mm" or "um".
-    crs
-        Coordinate system of what is written.
     order
         How something is ordered or turned; the format's own words.
     ellipses
@@ -288,7 +286,6 @@ class ExportOptions:
     """
 
     unit: Literal["px", "mm", "um"] | None = None
-    crs: str | None = None
     order: str | None = None
     ellipses: float | None = None
 

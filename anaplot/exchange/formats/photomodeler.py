@@ -6,7 +6,7 @@ import csv
 from pathlib import Path
 
 from anaplot.errors import InputError
-from anaplot.exchange.formats.door import Exported, Exporting, Imported, ImportOptions, Note
+from anaplot.exchange.formats.door import Imported, ImportOptions, Note
 from anaplot.exchange.formats.gathered import MAX_TABLE_BYTES, check_with, head_of
 from anaplot.exchange.formats.pixeltables import (
     PixelRow,
@@ -20,7 +20,7 @@ from anaplot.exchange.formats.statedcameras import needed_camera
 from anaplot.photogrammetry.block import ControlPoint
 from anaplot.textfiles.wording import place, plain
 
-__all__ = ["read", "recognises", "write"]
+__all__ = ["read", "recognises"]
 
 _COLUMNS = {name.lower(): name for name in ("Object Point ID", "Photo #", "X", "Y")}
 _FILES = ("control", "images")
@@ -48,11 +48,6 @@ def read(source: Path, options: ImportOptions) -> Imported:
         notes.append(Note("dropped", labels, "labels of control points: ids serve"))
     block = pixel_block(source.stem, camera, rows, names, control, options, shift, notes)
     return Imported(block, tuple(notes), (f"from {source.name}, PhotoModeler",))
-
-
-def write(exporting: Exporting, target: Path) -> Exported:
-    """Refuse: PhotoModeler reads no such table."""
-    raise InputError("photomodeler: is read only")
 
 
 def _rows(source: Path, notes: list[Note]) -> list[PixelRow]:

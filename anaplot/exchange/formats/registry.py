@@ -16,7 +16,7 @@ __all__ = ["FORMATS", "Format", "FormatModule", "format_of", "module_of", "recog
 
 
 class FormatModule(Protocol):
-    """What every module of a format offers."""
+    """What the module of a format offers: the first two where it reads, `write` where it writes."""
 
     def recognises(self, source: Path) -> bool:
         """Return whether a file or folder is of this format, from little of it; never raises."""

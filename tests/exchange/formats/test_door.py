@@ -164,3 +164,14 @@ def test_no_format_takes_anything_out_of_a_pipe_to_know_it(suffix: str, tmp_path
         assert len(os.read(end, 65536)) == written
     finally:
         os.close(end)
+
+
+def test_some_format_has_a_use_for_every_option_and_none_has_a_door_that_is_shut() -> None:
+    ins = {name for one in registry.FORMATS.values() for name in one.import_options}
+    outs = {name for one in registry.FORMATS.values() for name in one.export_options}
+    assert ins == set(door.ImportOptions.__dataclass_fields__)
+    assert outs == set(door.ExportOptions.__dataclass_fields__)
+    for one in registry.FORMATS.values():
+        module = registry.module_of(one.kind)
+        doors = [hasattr(module, name) for name in ("recognises", "read", "write")]
+        assert doors == [one.reads, one.reads, one.writes], one.kind
