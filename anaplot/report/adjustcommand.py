@@ -328,8 +328,7 @@ def adjust(
             words += () if posterior is None else names_in(posterior_of or "points")
             tests = error_sets_of(adjusted, test_set or ())
             keep = named_points(adjusted, asked, tests, planted, words)
-            with watch.searching():
-                thinning = thinned(adjusted, thin, keep, watch)
+            thinning = thinned(adjusted, thin, keep, watch)
             adjusted = thinning.block
     estimated = None
     if prior is not None:

@@ -371,3 +371,21 @@ def test_without_a_format_rays_that_are_off_move_no_region() -> None:
     cell = dict(zip(before.problem.source.tolist(), parts.cell[parts.region], strict=True))
     then = dict(zip(thinning.block.problem.source.tolist(), later.cell[later.region], strict=True))
     assert then == {row: cell[row] for row in then}
+
+
+def test_a_search_that_is_ended_looks_no_further(monkeypatch: pytest.MonkeyPatch) -> None:
+    watch, near, asked = Watch(), Losses.near, []
+
+    def until_the_third(self, points, seen=None):
+        for loss in near(self, points) if seen is None else near(self, points, seen):
+            asked.append(loss.point)
+            if len(asked) == 3:
+                watch.stop()
+            yield loss
+
+    monkeypatch.setattr(Losses, "near", until_the_third)
+    thinning = thin_block(adjust_block(dense()), 0.3, watch=watch)
+    assert len(asked) <= 4
+    assert not thinning.complete
+    assert not thinning.kept.all()
+    assert np.nanmin(thinning.means[~thinning.weak]) >= 0.3 - 1e-9

@@ -37,6 +37,7 @@ _EQUAL = 7  # decimals in which points tell the same: their order in the file de
 _SHARE = 0.25  # of a photo's rays that go in one round, at most
 _FEW = 0.01  # of the points: rounds with fewer are left to the exact end
 _SAME = 1e-6  # of v'Pv: minima that are the same
+_ATTEMPTS = 3  # at leaving points out of which some take too much; from the second whole photos'
 
 _Less = tuple[Index, Array]  # parts, and how much less each is above R
 
@@ -118,8 +119,11 @@ def thin_block(
     NotComputableError
         The thinner block has no solution from nothing, or another one.
     """
-    search = _Search(before, least, keep, Watch() if watch is None else watch)
-    complete = search.run()
+    watch = Watch() if watch is None else watch
+    search = _Search(before, least, keep, watch)
+    # what it has found is put together however long that takes
+    with watch.searching():
+        complete = search.run()
     kept = search.alive
     problem = before.problem
     gone = {problem.points[k] for k in np.flatnonzero(~kept).tolist()}
@@ -201,8 +205,10 @@ class _Search:
             if len(self._without(batch)) == 0:
                 break
         anew = True
-        while not self.watch.stopped:
+        while True:
             batch = self._certain()
+            if self.watch.stopped:
+                break
             if len(batch) == 0:
                 if anew:
                     return True
@@ -226,7 +232,9 @@ class _Search:
 
     def _without(self, batch: Index) -> Index:
         """Leave points out; those come back that took too much. Return which are out."""
-        for whole_photos in (False, True, True):
+        for number in range(_ATTEMPTS):
+            if number and self.watch.stopped:
+                break
             self._broke = None
             alive = self.alive.copy()
             alive[batch] = False
@@ -246,7 +254,7 @@ class _Search:
             self.now, self.alive = last
             worst = int(np.argmin(np.where(broken, slack, np.inf)))
             self._broke = worst, float(slack[worst])
-            left = batch if whole_photos else self._unseen(batch, broken)
+            left = batch if number else self._unseen(batch, broken)
             if len(left) == len(batch):
                 broken[self.parts.owner[broken]] = True
                 left = self._unseen(batch, broken)
@@ -355,7 +363,7 @@ class _Search:
             self._known = self.now, Losses(self.now), {}
         _, losses, known = self._known
         gone: list[int] = []
-        while True:
+        while not self.watch.stopped:
             # what other rays lose comes on top: without it most are out already
             direct = np.zeros(len(spare), dtype=bool)
             for own in (self.problem.photo, self.parts.region):
@@ -380,6 +388,7 @@ class _Search:
                 return np.array(gone, dtype=np.intp)
             gone += more
             may_go[more] = False
+        return np.array(gone, dtype=np.intp)
 
     def _fitting(
         self, losses: Iterator[Loss], slack: Array, spare: Array, limit: Array
@@ -387,6 +396,8 @@ class _Search:
         """Return the points whose losses leave every part above R; of the others note the part."""
         fitting: dict[int, _Less] = {}
         for loss in losses:
+            if self.watch.stopped:
+                break  # nobody asks for the others any more
             parts, less = self._less(loss, spare)
             out = ~self.weak[parts] & (slack[parts] - less < limit[parts])
             if out.any():
