@@ -10,6 +10,7 @@ import threading
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
+from time import monotonic
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from anaplot.console.terminal import need_terminal
@@ -491,6 +492,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     from anaplot.report.streams import complain, drop_output, prepare_streams, system_message
 
     prepare_streams()
+    begun = monotonic()
     try:
         _end_cleanly()
         try:
@@ -514,7 +516,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         drop_output()
         return NotComputableError.exit_code
     except KeyboardInterrupt as interrupt:
-        complain(str(interrupt) or "interrupted")
+        complain(str(interrupt) or f"interrupted, after {monotonic() - begun:.1f} s")
         drop_output()
         return 130
     except BrokenPipeError:
