@@ -194,7 +194,7 @@ def _called(draft: Draft, names: Mapping[str, str]) -> None:
 
 def _undo(draft: Draft) -> None:
     before = draft.desk.state
-    draft.happen(Undone())
+    draft.happen(Undone(before.undo_lays_anew))
     after = draft.desk.state
     if before.current is not None and after.current is not None:
         names = names_after(before.current, after.current)

@@ -375,9 +375,17 @@ class ModelReopened:
 
 @dataclass(frozen=True, slots=True)
 class Undone:
-    """The last event that was no undo, suspension or resumption was taken back."""
+    """The last event that was no undo, suspension or resumption was taken back.
+
+    Attributes
+    ----------
+    anew
+        Whether the photos of the model that comes back are to be laid in anew: others were measured
+        since. Sessions of older versions believed that they lay as they had.
+    """
 
     kind: ClassVar[str] = "undone"
+    anew: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -133,6 +133,14 @@ class SessionState:
         return bool(self._history)
 
     @property
+    def undo_lays_anew(self) -> bool:
+        """Whether an undo brings a model back whose photos have given way to others since."""
+        if not self._history:
+            return False
+        model = self._history.popped()[0].current
+        return model is not None and not model.mono and model.laying < self.layings
+
+    @property
     def undo_is_full(self) -> bool:
         """Whether as many events may be taken back as are ever remembered."""
         return len(self._history) == _HISTORY
@@ -218,7 +226,7 @@ def _happened(state: SessionState, event: Event) -> SessionState:
         case ReasonGiven():
             return _given(state, event.reason)
         case Undone():
-            return _undone(state)
+            return _undone(state, anew=event.anew)
         case ModelChosen():
             return state._after(current=_chosen(state, event))
         case FiducialMeasured():
@@ -274,12 +282,12 @@ def _with_points(state: SessionState, model: ModelState, *points: str) -> Sessio
     return state._after(current=model)
 
 
-def _undone(state: SessionState) -> SessionState:
+def _undone(state: SessionState, *, anew: bool) -> SessionState:
     if not state._history:
         raise EventRefusedError("there is nothing to undo")
     before, history = state._history.popped()
     current = before.current
-    if current is not None and current.laying < state.layings:
+    if current is not None and (anew or current.mono) and current.laying < state.layings:
         current = _taken_out(state, current)
     back = before._replace(current=current)
     return copied(state, **back._asdict(), _history=history)

@@ -7,8 +7,11 @@ from deskscene import DRIVEN, DRIVEN_MONO, Bench
 from innerscene import InnerScene
 from sessionscene import Scene
 
+from anaplot.exchange.eventcodec import event_from_payload
 from anaplot.session.commands import Accept, Drive, NextModel, OtherPhoto, ReturnTo, Switch, Undo
 from anaplot.session.desk import Desk
+from anaplot.session.events import PointMeasured, Undone
+from anaplot.session.state import apply, fold
 from anaplot.station.blockstatus import status_of
 from anaplot.station.livestatus import LiveStatus
 
@@ -60,6 +63,27 @@ def test_an_undo_brings_no_photographs_back() -> None:
         bench.give(Undo())
         assert bench.desk.state.current.photos == ("101", "102")
         assert oriented(bench) != [True, True]
+
+
+def test_what_an_older_version_has_undone_stays_as_it_was() -> None:
+    """It believed the inner orientations, and points were measured with them."""
+    bench = Bench.of(WITH.block, DRIVEN)
+    bench.whole_model()
+    first = bench.desk.state.current
+    bench.give(Accept())
+    bench.give(NextModel())
+    bench.measure(bench.desk.mode.pending[0])
+    state = fold(bench.desk.state, [Undone()] * 3)
+    assert state.current == first
+    again = first.measured[0]
+    event = PointMeasured("101", "102", again.point, again.xl, again.yl, again.xr, again.yr, "key")
+    assert apply(state, event).current.measurement(again.point).times == 2
+    bench.give(Undo())
+    bench.give(Undo())
+    assert bench.events[-1] == Undone(False)
+    bench.give(Undo())
+    assert bench.events[-1] == Undone(True)
+    assert event_from_payload("undone", {}) == Undone(False)
 
 
 def test_what_was_called_for_by_mistake_was_not_laid_in() -> None:
