@@ -25,8 +25,8 @@ from anaplot.exchange.conditionscsv import (
     parse_distances,
 )
 from anaplot.exchange.controlcsv import GroundPoints, format_control, parse_control
-from anaplot.exchange.journalread import SESSIONS
 from anaplot.exchange.patternfile import format_pattern, read_pattern
+from anaplot.exchange.recordline import SESSIONS
 from anaplot.photogrammetry.block import Block, ControlPoint, ImagePoint, ImagePoints, PointPrior
 from anaplot.textfiles.csvtable import MAX_CSV_BYTES
 from anaplot.textfiles.inputfile import read_bytes, read_text

@@ -18,8 +18,9 @@ from pathlib import Path, PurePosixPath
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import MORE_FILES, block_files, read_block
 from anaplot.exchange.formats.door import SOURCE
-from anaplot.exchange.journalread import SESSIONS, numbered_files
+from anaplot.exchange.journalread import numbered_files
 from anaplot.exchange.patternfile import is_pattern_file
+from anaplot.exchange.recordline import SESSIONS
 from anaplot.photogrammetry.block import Block
 from anaplot.textfiles.inputfile import read_bytes
 from anaplot.textfiles.wholefile import create_whole, make_folder, sync_folder

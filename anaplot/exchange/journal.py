@@ -16,7 +16,6 @@ from typing import Any, NamedTuple, Self
 
 from anaplot.errors import InputError
 from anaplot.exchange.journalread import (
-    SESSIONS,
     Choice,
     FileScan,
     Recovered,
@@ -29,6 +28,7 @@ from anaplot.exchange.journalsnapshot import SNAPSHOT, Before, parts_of, said_of
 from anaplot.exchange.lockfile import FolderLock
 from anaplot.exchange.recordline import (
     JOURNAL_FORMAT,
+    SESSIONS,
     JournalError,
     JournalRecord,
     Keep,

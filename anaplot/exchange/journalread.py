@@ -18,6 +18,7 @@ from anaplot.exchange.recordline import (
     JOURNAL_FORMAT,
     MAX_LINE,
     OPENING,
+    SESSIONS,
     DamagedLineError,
     JournalRecord,
     Keep,
@@ -32,7 +33,6 @@ from anaplot.textfiles.wording import place, plain, reason
 
 __all__ = [
     "MAX_FILE_BYTES",
-    "SESSIONS",
     "Choice",
     "FileScan",
     "Recovered",
@@ -46,8 +46,6 @@ __all__ = [
     "read_journal",
     "scan_folder",
 ]
-
-SESSIONS = "sessions"
 
 MAX_FILE_BYTES = 256_000_000
 """Largest file that is read: four times the length at which the next one is begun."""

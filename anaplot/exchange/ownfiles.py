@@ -7,8 +7,8 @@ from pathlib import Path
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import MORE_FILES, block_files, read_declared
 from anaplot.exchange.formats.door import SOURCE
-from anaplot.exchange.journalread import SESSIONS
 from anaplot.exchange.patternfile import is_pattern_file
+from anaplot.exchange.recordline import SESSIONS
 
 __all__ = ["block_of_file"]
 

@@ -16,6 +16,7 @@ __all__ = [
     "JOURNAL_FORMAT",
     "MAX_LINE",
     "OPENING",
+    "SESSIONS",
     "DamagedLineError",
     "JournalError",
     "JournalRecord",
@@ -26,6 +27,9 @@ __all__ = [
     "encode_line",
     "was_confirmed",
 ]
+
+SESSIONS = "sessions"
+"""The folder of a block's journal."""
 
 JOURNAL_FORMAT = 1
 

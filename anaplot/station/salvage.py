@@ -18,9 +18,8 @@ from typing import Any
 from anaplot.errors import InputError, NotComputableError
 from anaplot.exchange.eventcodec import event_to_payload
 from anaplot.exchange.journal import JournalRecord, event_of
-from anaplot.exchange.journalread import SESSIONS
 from anaplot.exchange.journalsnapshot import PART, SNAPSHOT
-from anaplot.exchange.recordline import JOURNAL_FORMAT, OPENING, encode_line
+from anaplot.exchange.recordline import JOURNAL_FORMAT, OPENING, SESSIONS, encode_line
 from anaplot.exchange.salvage import Gap, read_what_can_be_read
 from anaplot.session.events import (
     EVENT_KINDS,
