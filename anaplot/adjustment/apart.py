@@ -295,7 +295,8 @@ class _Sweeps:
             # what nothing leaves in doubt and stays all the same cannot go: nobody waits for it
             stays = np.zeros(len(numbers), dtype=bool)
             if not decided:
-                stays = ~waits & (top > 0.0) & (doubts.of_all(top) <= _NEGLIGIBLE)
+                stays = ~waits & (top > 0.0)
+                stays &= doubts.of_all(np.where(stays, top, np.nan)) <= _NEGLIGIBLE
             if not stays.any():
                 break
             largest[stays[at] & (largest >= top[at])] = 0.0
