@@ -101,7 +101,7 @@ def test_an_earlier_report_is_replaced_and_nothing_else(tmp_path: Path) -> None:
     for foreign in ("mine.txt", "mine.csv"):
         mine = tmp_path / "r.html.tables" / foreign
         mine.write_text("mine")
-        with pytest.raises(InputError, match="tables: exists already"):
+        with pytest.raises(InputError, match=f"tables: holds '{foreign}', which no report"):
             write_report(report(3), page)
         assert mine.read_text() == "mine"
         mine.unlink()

@@ -23,7 +23,7 @@ from anaplot.textfiles.wholefile import (
     make_folder,
     write_together,
 )
-from anaplot.textfiles.wording import place, reason
+from anaplot.textfiles.wording import place, quoted, reason
 
 __all__ = ["Written", "check_report", "tables_folder", "write_report"]
 
@@ -70,8 +70,14 @@ def check_report(path: Path, figures: Path | None = None) -> None:
     try:
         if os.path.lexists(path) and not _earlier(path):
             raise InputError(f"{place(path)}: exists already, is no report, and is not overwritten")
-        if os.path.lexists(folder) and not (folder.is_dir() and _tables_alone(folder, path)):
-            raise InputError(f"{place(folder)}: exists already and is not overwritten")
+        if os.path.lexists(folder):
+            if not folder.is_dir():
+                raise InputError(f"{place(folder)}: exists already and is not overwritten")
+            other = _no_table(folder, path)
+            if other is not None:
+                raise InputError(
+                    f"{place(folder)}: holds {quoted(other)}, which no report has written"
+                )
         if (
             figures is not None
             and os.path.lexists(figures)
@@ -90,11 +96,11 @@ def _earlier(path: Path) -> bool:
         return is_report(file.read(_HEAD))
 
 
-def _tables_alone(folder: Path, page: Path) -> bool:
-    """Return whether a folder holds nothing but the tables that an earlier page speaks of."""
-    names = [each.name for each in folder.iterdir()]
+def _no_table(folder: Path, page: Path) -> str | None:
+    """Return what a folder holds that is no table of an earlier page; None: nothing."""
+    names = sorted(each.name for each in folder.iterdir())
     text = unescape(page.read_text(encoding="utf-8")) if names and page.is_file() else ""
-    return all(f"/{of_every_row(name)}" in text for name in names)
+    return next((name for name in names if f"/{of_every_row(name)}" not in text), None)
 
 
 def _figures_alone(folder: Path, page: Path) -> bool:
