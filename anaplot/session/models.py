@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import Any
 
 from anaplot.errors import NotComputableError
 from anaplot.orientation.diagnosis import diagnose
-from anaplot.orientation.model import orient
+from anaplot.orientation.model import UNKNOWNS, orient
 from anaplot.orientation.pair import Stereopair
 from anaplot.orientation.results import Diagnosis, ModelSolution
 from anaplot.orientation.strip import stereopair
@@ -15,20 +16,47 @@ from anaplot.photogrammetry.block import Block, Camera, Precision, TestSettings
 from anaplot.session.state import ModelState, SessionState
 
 __all__ = [
+    "Models",
     "diagnosis_of",
     "geometry_of",
     "preceding_models",
     "solve",
     "solve_after",
+    "solve_among",
     "solved_or_none",
+    "without_redundancy",
 ]
 
+Models = tuple[ModelState, ...]
 
-def preceding_models(state: SessionState, model: ModelState) -> tuple[ModelState, ...]:
+
+class _Same:
+    """Objects that are known again as the very same ones: a model's hash is that of all in it."""
+
+    __slots__ = ("parts",)
+
+    def __init__(self, *parts: Any) -> None:
+        self.parts = parts
+
+    def __hash__(self) -> int:
+        return hash(tuple(map(id, self.parts)))
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, _Same):
+            return NotImplemented
+        return all(a is b for a, b in zip(self.parts, other.parts, strict=True))
+
+
+def preceding_models(models: Models, model: ModelState) -> Models:
     """Return the accepted models of the strip before a model, first to last."""
-    by_right = {m.right: m for m in state.models if m.strip == model.strip}
+    return _preceding(_Same(models), model.strip, model.left)
+
+
+@lru_cache(maxsize=64)
+def _preceding(asked: _Same, strip: str, left: str) -> Models:
+    (models,) = asked.parts
+    by_right = {m.right: m for m in models if m.strip == strip}
     found: list[ModelState] = []
-    left = model.left
     # a strip has every photo once: the walk ends
     while (before := by_right.get(left)) is not None:
         found.append(before)
@@ -44,12 +72,53 @@ def solve(state: SessionState, model: ModelState) -> ModelSolution:
     NotComputableError
         The measurements do not determine it (yet); says why.
     """
+    return solve_among(state.block, state.models, model)
+
+
+def solve_among(block: Block, models: Models, model: ModelState) -> ModelSolution:
+    """Orient a model from its measurements and those before it in its strip.
+
+    Parameters
+    ----------
+    block
+        What was declared.
+    models
+        The accepted models.
+    model
+        The model.
+
+    Raises
+    ------
+    NotComputableError
+        The measurements do not determine it (yet); says why.
+    """
     before: ModelState | None = None
     solution: ModelSolution | None = None
-    for one in preceding_models(state, model):
-        solution = solve_after(state.block, one, before, solution)
+    for one in preceding_models(models, model):
+        solution = solve_after(block, one, before, solution)
         before = one
-    return solve_after(state.block, model, before, solution)
+    return solve_after(block, model, before, solution)
+
+
+def without_redundancy(models: Models, model: ModelState) -> bool:
+    """Whether a model has no more rows than unknowns, so that none of them can be tested.
+
+    It is counted without being oriented: from as few points that takes longest. True wherever it
+    is not determined for want of rows, too.
+
+    Parameters
+    ----------
+    models
+        The accepted models.
+    model
+        The model.
+    """
+    before = preceding_models(models, model)[-1:]
+    ties = {m.point for one in before for m in one.measured}
+    off = model.off
+    rows = sum((m.point, "y") not in off for m in model.measured)
+    rows += sum(m.point in ties and (m.point, "x") not in off for m in model.measured)
+    return rows <= len(UNKNOWNS) - (not before)
 
 
 def solved_or_none(state: SessionState, model: ModelState) -> ModelSolution | None:
@@ -82,8 +151,17 @@ def solve_after(
     NotComputableError
         The measurements do not determine it; says why.
     """
-    observed = _observed(block, model, before, preceding)
-    return _solve(*observed, block.precision, block.test)
+    found = _solved(_Same(block, model, before, preceding))
+    if isinstance(found, NotComputableError):
+        raise _again(found)
+    return found
+
+
+def _again(error: NotComputableError) -> NotComputableError:
+    """Return an error anew: the one that is remembered would keep whoever it was raised to."""
+    again = type(error).__new__(type(error), *error.args)
+    again.__dict__.update(error.__dict__)
+    return again
 
 
 def geometry_of(block: Block, models: tuple[ModelState, ...]) -> StripGeometry | None:
@@ -102,7 +180,7 @@ def geometry_of(block: Block, models: tuple[ModelState, ...]) -> StripGeometry |
     for one in models:
         observed = _observed(block, one, before, solution)
         try:
-            solution = _solve(*observed, block.precision, block.test)
+            solution = solve_after(block, one, before, solution)
         except NotComputableError:
             break
         geometry = _extended(geometry, *observed, solution)
@@ -146,7 +224,14 @@ def _measured_once(before: ModelState | None, model: ModelState) -> frozenset[st
     return frozenset(m.point for m in model.used if (m.point, m.xl, m.yl) in right)
 
 
-# Keyed by the preceding solution itself, which is remembered too: a chain, without recursion.
+# A chain, without recursion: the preceding solution is remembered too, and known as the same.
+@lru_cache(maxsize=1024)
+def _solved(asked: _Same) -> ModelSolution | NotComputableError:
+    block, *observed = asked.parts
+    return _solve(*_observed(block, *observed), block.precision, block.test)
+
+
+# A model that is equal only, as after an undo, is known by what was measured.
 @lru_cache(maxsize=1024)
 def _solve(
     model: ModelState,
@@ -156,8 +241,11 @@ def _solve(
     once: frozenset[str],
     precision: Precision,
     test: TestSettings,
-) -> ModelSolution:
-    return orient(_pair(model, cameras, base, preceding, once), precision, test)
+) -> ModelSolution | NotComputableError:
+    try:
+        return orient(_pair(model, cameras, base, preceding, once), precision, test)
+    except NotComputableError as error:
+        return _again(error)
 
 
 def _pair(

@@ -98,9 +98,10 @@ def _finished(state: SessionState) -> Agenda:
 
 def next_model(state: SessionState) -> tuple[str, str, str] | None:
     """Return (strip, left, right) of the first model not yet accepted, or None."""
+    accepted = {model.photos for model in state.models}
     for strip in state.block.strips:
         for left, right in strip.models():
-            if state.accepted(left, right) is None:
+            if (left, right) not in accepted:
                 return strip.id, left, right
     return None
 

@@ -8,11 +8,20 @@ import numpy as np
 import pytest
 from sessionscene import Scene
 
-from anaplot.errors import NotComputableError
+from anaplot.errors import NotComputableError, TooFewError
+from anaplot.orientation.model import orient
 from anaplot.orientation.results import ModelSolution
 from anaplot.orientation.strip import bridge_strip
+from anaplot.session import models as models_module
 from anaplot.session.events import ModelAccepted, RowSwitched
-from anaplot.session.models import diagnosis_of, preceding_models, solve
+from anaplot.session.models import (
+    diagnosis_of,
+    preceding_models,
+    solve,
+    solved_or_none,
+    without_redundancy,
+)
+from anaplot.session.modelstate import ModelState
 from anaplot.session.state import SessionState, apply, fold, start
 
 
@@ -68,9 +77,9 @@ def test_a_row_switched_off_leaves_the_table(scene: Scene) -> None:
 def test_the_models_before(scene: Scene) -> None:
     state = finished(scene)
     first, second, third = state.models
-    assert preceding_models(state, first) == ()
-    assert preceding_models(state, second) == (first,)
-    assert preceding_models(state, third) == (first, second)
+    assert preceding_models(state.models, first) == ()
+    assert preceding_models(state.models, second) == (first,)
+    assert preceding_models(state.models, third) == (first, second)
 
 
 def test_a_long_strip_is_solved_without_recursion() -> None:
@@ -91,7 +100,7 @@ def test_a_long_strip_is_solved_without_recursion() -> None:
         replace(first, left=ids[k], right=ids[k + 1], off=frozenset()) for k in range(1, 1100)
     ]
     long = replace(start(block), models=tuple(models))
-    assert len(preceding_models(long, models[-1])) == 1099
+    assert len(preceding_models(long.models, models[-1])) == 1099
     # the second model finds its ties at contradicting places: a refusal, never a RecursionError
     with pytest.raises(NotComputableError):
         solve(long, models[-1])
@@ -118,3 +127,58 @@ def test_solutions_are_remembered_per_measurement(scene: Scene) -> None:
     after = apply(state, scene.measurement(state, name, dyr=0.05))
     assert after.current is not None
     assert solve(after, after.current) is not one
+
+
+def test_a_model_that_was_solved_is_known_without_a_look_at_its_measurements(
+    scene: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    state = finished(scene)
+    last = state.models[-1]
+    known = solve(state, last)
+    compared: list[str] = []
+    monkeypatch.setattr(ModelState, "__hash__", lambda model: compared.append(model.name) or 0)
+    assert solve(state, last) is known
+    assert compared == []
+
+
+def test_why_there_is_no_solution_is_found_once(
+    scene: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    state = scene.chosen(0)
+    assert state.current is not None
+    few = replace(state.current, measured=scene.whole(state).current.measured[:3])
+    asked: list[str] = []
+
+    def counted(pair, precision, test):
+        asked.append(pair.name)
+        return orient(pair, precision, test)
+
+    monkeypatch.setattr(models_module, "orient", counted)
+    said = []
+    for _ in range(2):
+        with pytest.raises(TooFewError, match="3 points") as refused:
+            solve(state, few)
+        said.append(refused.value)
+    assert asked == ["101/102"]
+    # no error keeps the stack to which another one was raised
+    assert said[0] is not said[1]
+    assert str(said[0]) == str(said[1])
+
+
+def test_a_model_without_redundancy_is_told_by_counting(scene: Scene) -> None:
+    for number in range(2):
+        state = scene.chosen(number)
+        whole = scene.whole(state).current
+        assert whole is not None
+        told = []
+        for count in range(1, len(whole.measured) + 1):
+            model = replace(whole, measured=whole.measured[:count])
+            told.append(without_redundancy(state.models, model))
+            solution = solved_or_none(state, model)
+            assert told[-1] == (solution is None or solution.redundancy == 0)
+            if told[-1] and solution is not None:
+                assert all(row.size is None for row in solution.table)
+        assert {False, True} == set(told)
+    off = frozenset((m.point, "y") for m in whole.measured)
+    assert without_redundancy(state.models, replace(whole, off=off))
+    assert not without_redundancy(state.models, replace(whole, off=frozenset([*off][:1])))
