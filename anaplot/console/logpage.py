@@ -9,6 +9,7 @@ from typing import ClassVar
 from textual.binding import Binding, BindingType
 from textual.content import Content
 
+from anaplot.console.beside import Beside
 from anaplot.console.computedpage import ComputedPage
 from anaplot.console.dialogs import AskName
 from anaplot.console.text import fit, fit_end, number, wrap
@@ -108,18 +109,20 @@ class LogPage(ComputedPage):
         self._model = model
         self._changes: tuple[Change, ...] | None = None
         self._wanted = ""
+        # w of the changes that are shown is computed where they are put into lines
+        self._drawing = Beside(self, self._drawn, self.show, self._failed)
 
     def _read(self, changes: tuple[Change, ...]) -> None:
         self._changes = changes
-        self._draw()
+        self._drawing.wanted()
 
-    def _draw(self) -> None:
-        self.show(log_lines(self._changes, self._wanted, self._width))
+    def _drawn(self) -> list[Content]:
+        return log_lines(self._changes, self._wanted, self._width)
 
     def _want(self, wanted: str | None) -> None:
         if wanted is not None:
             self._wanted = wanted
-            self._draw()
+            self._drawing.wanted()
 
     def action_ask(self) -> None:
         """Ask for a model, photo or point."""

@@ -13,7 +13,6 @@ from anaplot.report.document import (
     Block,
     Column,
     Figure,
-    Later,
     Line,
     Listed,
     Names,
@@ -22,6 +21,7 @@ from anaplot.report.document import (
     Values,
     is_array,
 )
+from anaplot.report.places import at_places
 from anaplot.textfiles.wording import plain
 
 __all__ = [
@@ -40,6 +40,9 @@ MOST_ROWS = 100
 
 _AT_ONCE = 4096
 """Rows of a long table that are written at once."""
+
+_AT_FIRST = 128
+"""Of the first ones: where rows are made as they are read, `| head` waits for no more."""
 
 
 def page_text(page: Iterable[Block], *, everything: bool = False) -> str:
@@ -205,8 +208,9 @@ def _table_parts(table: Table, everything: bool) -> Iterator[list[str]]:
         units += f"{unit:>{len(head)}}"
     yield [heads.rstrip(), units.rstrip()] if units.strip() else [heads.rstrip()]
     before = None
-    for first in range(0, len(chosen), _AT_ONCE):
-        last = first + _AT_ONCE
+    last, step = 0, min(_AT_FIRST, _AT_ONCE)
+    while last < len(chosen):
+        first, last, step = last, last + step, min(2 * step, _AT_ONCE)
         some = chosen[first:last]
         cells = (
             cell_texts(one, values, some) if names is None else names[first:last]
@@ -258,13 +262,7 @@ def _left_out(table: Table, shown: int) -> str:
 
 def cell_texts(column: Column, values: Values, chosen: Sequence[int]) -> list[str]:
     """Return what stands in the cells of the chosen rows, without blanks around it."""
-    each: Any
-    if isinstance(chosen, range):
-        each = values[chosen.start : chosen.stop]
-    elif isinstance(values, Later):
-        each = values.of(chosen)
-    else:
-        each = values[chosen] if is_array(values) else [values[k] for k in chosen]
+    each: Any = at_places(values, chosen)
     if is_array(each):
         each = each.tolist()
     if column.decimals is not None:

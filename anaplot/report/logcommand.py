@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from datetime import datetime
+from functools import partial
 
-from anaplot.report.document import Document, name, number, say, table
+from anaplot.aliases import Progress
+from anaplot.report.document import Document, Later, Table, name, number, say
 from anaplot.report.journalnote import session_note, with_journal_notes
 from anaplot.report.output import Output
 from anaplot.report.progress import working
@@ -61,14 +64,29 @@ def run_log(options: argparse.Namespace) -> int:
     output = Output.of(options)
     output.check({"is read": (options.session,)})
     with working("reading the journal"):
-        found = log_document(read_log(options.session))
+        found = log_document(read_log(options.session), partial(working, "computing w"))
         found = with_journal_notes(found, session_note(options.session))
     output.show(found)
     return 0
 
 
-def log_document(changes: Sequence[Change]) -> Document:
-    """Return the document of changes, the oldest first."""
+def _silent() -> AbstractContextManager[Progress]:
+    return nullcontext(lambda what, fraction: None)
+
+
+def log_document(
+    changes: Sequence[Change], working: Callable[[], AbstractContextManager[Progress]] = _silent
+) -> Document:
+    """Return the document of changes, the oldest first.
+
+    Parameters
+    ----------
+    changes
+        All of them.
+    working
+        Shows how far the computation of w has come: of many changes few are shown, and only for
+        these it is done, when they are.
+    """
     renamed = any(one.name for one in changes)
     rows = [
         (
@@ -83,14 +101,28 @@ def log_document(changes: Sequence[Change]) -> Document:
             one.old,
             one.new,
             one.reason or None,
-            one.w_before,
-            one.w_after,
         )
         for one in changes
     ]
     at = _CHANGES.index(_POINT) + 1
     columns = (*_CHANGES[:at], *((_NAME,) if renamed else ()), *_CHANGES[at:])
-    found = table("changes", columns, rows)
+    known = tuple(zip(*rows, strict=True)) or ((),) * (len(columns) - 2)
+    w = (_sizes(changes, which, working) for which in range(2))
+    found = Table("changes", columns, (*known, *w))
     if not rows:
         return Document({"changes": found}, (say("nothing is journalled yet"),), (found,))
     return Document({"changes": found}, (found,), (found,))
+
+
+def _sizes(
+    changes: Sequence[Change], which: int, working: Callable[[], AbstractContextManager[Progress]]
+) -> Later[float | None]:
+    def values(places: Sequence[int]) -> list[float | None]:
+        found = []
+        with working() as tell:
+            for k in places:
+                tell("computing w", (k + 1) / len(changes))
+                found.append(changes[k].w.both[which])
+        return found
+
+    return Later(len(changes), values)

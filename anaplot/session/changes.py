@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Literal, NamedTuple
 
 from anaplot.aliases import Side
+from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import Block
+from anaplot.session.copied import copied
 from anaplot.session.events import (
     DecidedRow,
     DecisionsTakenOver,
@@ -29,11 +32,12 @@ from anaplot.session.events import (
     Undone,
 )
 from anaplot.session.innerstate import InnerState
-from anaplot.session.innerwork import inner_outlook
-from anaplot.session.models import solved_or_none
+from anaplot.session.innerwork import solve_inner
+from anaplot.session.models import Models, solve_among, without_redundancy
+from anaplot.session.modelstate import ModelState
 from anaplot.session.state import SessionState, apply, start
 
-__all__ = ["AcceptedInner", "Change", "ChangeKind", "ChangeLog", "Happened", "changes"]
+__all__ = ["AcceptedInner", "Change", "ChangeKind", "ChangeLog", "Happened", "Sizes", "changes"]
 
 ChangeKind = Literal[
     "measured",
@@ -58,6 +62,53 @@ class Happened(NamedTuple):
     event: Event
 
 
+_Size = Callable[[], float | None]
+
+
+class Sizes:
+    """abs(w) before and after a change: computed when one of them is asked for, and once.
+
+    Most changes of a long journal are never looked at, and each asks for an orientation.
+
+    Parameters
+    ----------
+    before, after
+        Compute them; None while there is none.
+    """
+
+    __slots__ = ("_find", "_found")
+
+    def __init__(self, before: _Size, after: _Size) -> None:
+        self._find: tuple[_Size, _Size] | None = (before, after)
+        self._found: tuple[float | None, float | None] = (None, None)
+
+    @classmethod
+    def known(cls, before: float | None, after: float | None) -> Sizes:
+        """Return two that are computed already."""
+        return cls(lambda: before, lambda: after)
+
+    @property
+    def both(self) -> tuple[float | None, float | None]:
+        """(before, after)."""
+        find = self._find
+        if find is not None:
+            self._found = find[0](), find[1]()
+            self._find = None  # what they are computed from is needed no more
+        return self._found
+
+    def __eq__(self, other: object) -> bool:
+        return self.both == other.both if isinstance(other, Sizes) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(self.both)
+
+    def __repr__(self) -> str:
+        return "Sizes({}, {})".format(*self.both)
+
+
+_NO_SIZES = Sizes.known(None, None)
+
+
 @dataclass(frozen=True, slots=True)
 class Change:
     """One change.
@@ -74,14 +125,14 @@ class Change:
         Coordinates before and after [mm]: of a point in the image, of a fiducial on the plate;
         None where there were none, or none changed. What is renamed stays where it is: both are
         its place.
-    w_before, w_after
-        abs(w) of the row, or the largest of the point's or fiducial's, before and after; of what is
-        renamed, by the name that it has then. None while there is none, and where the row is off.
     reason
         Why: "pointing", "identification", "transfer", "instrument", a strategy for gross errors
         that `anaplot adjust --apply` had, or "" where nobody said so.
     name
         Of what was renamed, the name that it has now; else "".
+    w
+        abs(w) of the row, or the largest of the point's or fiducial's, before and after; of what is
+        renamed, by the name that it has then. None while there is none, and where the row is off.
     """
 
     time: str
@@ -93,10 +144,19 @@ class Change:
     axis: str = ""
     old: XY | None = None
     new: XY | None = None
-    w_before: float | None = None
-    w_after: float | None = None
     reason: str = ""
     name: str = ""
+    w: Sizes = field(default=_NO_SIZES, repr=False)
+
+    @property
+    def w_before(self) -> float | None:
+        """abs(w) before it; computed when it is asked for."""
+        return self.w.both[0]
+
+    @property
+    def w_after(self) -> float | None:
+        """abs(w) after it; computed when it is asked for."""
+        return self.w.both[1]
 
 
 class AcceptedInner(NamedTuple):
@@ -227,23 +287,20 @@ def _told(
             sides: tuple[Side, ...] = ("left", "right")
             if isinstance(event, MonoMeasured):
                 sides = (event.side,)
-            w = {"w_before": _largest(before, point), "w_after": _largest(after, point)}
+            w = _sizes(before, point, after, point)
             out = []
             for side in sides:
                 old, new = (m and m.place_of(side, point) for m in (before.current, after.current))
                 photo = event.left if side == "left" else event.right
                 what: ChangeKind = "measured" if old is None else "remeasured"
-                out.append(change(what, photo=photo, point=point, old=old, new=new, **w))
+                out.append(change(what, photo=photo, point=point, old=old, new=new, w=w))
             return out
         case PointRenamed():
             return list(_renamed(event, before, after, change, undone=undone))
         case RowSwitched(point, axis, on):
             photo = "" if model is None else model.right
-            w = {
-                "w_before": _largest(before, point, axis),
-                "w_after": _largest(after, point, axis),
-            }
-            return [change("on" if on else "off", photo=photo, point=point, axis=axis or "", **w)]
+            w = _sizes(before, point, after, point, axis)
+            return [change("on" if on else "off", photo=photo, point=point, axis=axis or "", w=w)]
         case FiducialMeasured(photo, side, fiducial):
             old, new = (
                 m and m.fiducial_place(side, fiducial) for m in (before.current, after.current)
@@ -255,8 +312,7 @@ def _told(
                     point=fiducial,
                     old=old,
                     new=new,
-                    w_before=_largest_of_fiducial(before, side, fiducial),
-                    w_after=_largest_of_fiducial(after, side, fiducial),
+                    w=_fiducial_sizes(before, after, side, fiducial),
                 )
             ]
         case DecisionsTakenOver(rows):
@@ -267,8 +323,9 @@ def _told(
                         photo=row.right,
                         point=row.point,
                         axis=row.axis,
-                        w_before=_largest_of(before, row),
-                        w_after=_largest_of(after, row),
+                        w=_sizes(
+                            _with(before, row), row.point, _with(after, row), row.point, row.axis
+                        ),
                     ),
                     model=f"{row.left}/{row.right}",
                     reason=row.reason,
@@ -283,8 +340,7 @@ def _told(
                     photo=photo,
                     point=fiducial,
                     axis=axis or "",
-                    w_before=_largest_of_fiducial(before, side, fiducial),
-                    w_after=_largest_of_fiducial(after, side, fiducial),
+                    w=_fiducial_sizes(before, after, side, fiducial),
                 )
             ]
         case InnerAccepted():
@@ -318,26 +374,42 @@ def _renamed(
     photos: tuple[tuple[Side, str], ...] = (("left", event.left), ("right", event.right))
     for point, name in ((event.point, event.name), (event.name, event.point)):
         first, then = (name, point) if undone else (point, name)
-        w = {"w_before": _largest(before, first), "w_after": _largest(after, then)}
+        w = _sizes(before, first, after, then)
         for side, photo in photos:
             at = former.place_of(side, point)
             if event.side in (None, side) and at is not None:
-                yield change("renamed", photo=photo, point=point, old=at, new=at, name=name, **w)
+                yield change("renamed", photo=photo, point=point, old=at, new=at, name=name, w=w)
 
 
-def _largest_of(state: SessionState, row: DecidedRow) -> float | None:
-    """Return abs(w) of a row of an accepted model."""
-    accepted = replace(state, current=state.accepted(row.left, row.right))
-    return _largest(accepted, row.point, row.axis)
+def _with(state: SessionState, row: DecidedRow) -> SessionState:
+    """Return a state with the accepted model of a row as the one in work."""
+    return copied(state, current=state.accepted(row.left, row.right))
 
 
-def _largest(state: SessionState, point: str, axis: str | None = None) -> float | None:
-    """Return the largest abs(w) of a point's rows in the current model, or of one of them."""
-    model = state.current
-    if model is None or model.measurement(point) is None:
+def _sizes(
+    before: SessionState, first: str, after: SessionState, then: str, axis: str | None = None
+) -> Sizes:
+    """Return abs(w) of a point's rows, or of one, in the models in work before and after.
+
+    `first`, `then`: its names. A state is not kept: all that may be undone hangs on it.
+    """
+    sides = ((before, first), (after, then))
+    was, now = (
+        partial(_largest, state.block, state.models, state.current, point, axis)
+        for state, point in sides
+    )
+    return Sizes(was, now)
+
+
+def _largest(
+    block: Block, models: Models, model: ModelState | None, point: str, axis: str | None
+) -> float | None:
+    """Return the largest abs(w) of a point's rows in a model, or of one of them."""
+    if model is None or model.measurement(point) is None or without_redundancy(models, model):
         return None
-    solution = solved_or_none(state, model)
-    if solution is None:
+    try:
+        solution = solve_among(block, models, model)
+    except NotComputableError:
         return None
     sizes = [
         row.size
@@ -347,10 +419,25 @@ def _largest(state: SessionState, point: str, axis: str | None = None) -> float 
     return max(sizes, default=None)
 
 
-def _largest_of_fiducial(state: SessionState, side: Side, fiducial: str) -> float | None:
-    inner = None if state.current is None else state.current.inner_of(side)
-    solution = None if inner is None else inner_outlook(state.block, inner).solution
-    if solution is None:
+def _fiducial_sizes(before: SessionState, after: SessionState, side: Side, fiducial: str) -> Sizes:
+    was, now = (
+        partial(
+            _largest_of_fiducial,
+            state.block,
+            None if state.current is None else state.current.inner_of(side),
+            fiducial,
+        )
+        for state in (before, after)
+    )
+    return Sizes(was, now)
+
+
+def _largest_of_fiducial(block: Block, inner: InnerState | None, fiducial: str) -> float | None:
+    if inner is None or not inner.used:
+        return None
+    try:
+        solution = solve_inner(block, inner)
+    except NotComputableError:
         return None
     sizes = [row.size for row in solution.rows if row.point == fiducial and row.size is not None]
     return max(sizes, default=None)

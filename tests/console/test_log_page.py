@@ -12,16 +12,17 @@ from rich.cells import cell_len
 from screenreading import lines, text, until
 
 from anaplot.console.logpage import log_lines
-from anaplot.session.changes import Change
+from anaplot.session.changes import Change, Sizes
 from anaplot.session.reasons import LastChange
 from anaplot.station.snapshot import InnerView
 
 DAY = "2026-01-01T10:00:0{}.000Z"
 FIRST = Change(DAY.format(0), "Ada", "measured", "101/102", "102", "7", new=(1.0, 2.0))
 AGAIN = Change(
-    DAY.format(1), "Ada", "remeasured", "102/103", "103", "8", "", (1.0, 2.0), (1.5, 2.25), 7.5, 0.4
-)
-OFF = Change(DAY.format(2), "Bob", "off", "102/103", "103", "103", "y", None, None, 3.9, None)
+    DAY.format(1), "Ada", "remeasured", "102/103", "103", "8", "", (1.0, 2.0), (1.5, 2.25),
+    w=Sizes.known(7.5, 0.4),
+)  # fmt: skip
+OFF = Change(DAY.format(2), "Bob", "off", "102/103", "103", "103", "y", w=Sizes.known(3.9, None))
 
 
 @pytest.fixture

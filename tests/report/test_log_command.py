@@ -4,16 +4,24 @@ from __future__ import annotations
 
 import csv
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 import pytest
 from journaltools import append_event
 
+from anaplot.aliases import Progress
 from anaplot.cli import main
 from anaplot.errors import InputError
 from anaplot.exchange.journal import Journal
+from anaplot.report import astext
+from anaplot.report.astext import page_parts, page_text
+from anaplot.report.html.sections.switchedoff import protocol_blocks
 from anaplot.report.logcommand import log_document
-from anaplot.session.changes import Change
+from anaplot.session import changes as changes_module
+from anaplot.session.changes import Change, Sizes
 from anaplot.session.events import (
     ModelChosen,
     PlannedPoint,
@@ -21,6 +29,7 @@ from anaplot.session.events import (
     ReasonGiven,
     RowSwitched,
 )
+from anaplot.session.models import solve_among
 from anaplot.station.sessionlog import SessionLog, read_log
 
 SESSION = Path(__file__).parents[1] / "sessions" / "changes.jsonl"
@@ -132,3 +141,68 @@ def test_what_contradicts_a_journal_that_ends_torn_may_be_the_newer(tmp_path: Pa
     with pytest.raises(InputError, match=r"something else; but the journal ends torn .*--salvage"):
         Journal.open(tmp_path, {}, accept=refuse)
     assert file.read_bytes() == before
+
+
+def test_w_is_computed_for_the_rows_that_are_shown(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked: list[str] = []
+
+    def counted(block, models, model):
+        asked.append(model.name)
+        return solve_among(block, models, model)
+
+    monkeypatch.setattr(changes_module, "solve_among", counted)
+    found = read_log(SESSION)
+    again = [one for one in found if one.what not in ("measured", "oriented")]
+    monkeypatch.setattr(astext, "MOST_ROWS", len(again))
+    assert main(["log", str(SESSION)]) == 0
+    shown = capsys.readouterr().out
+    some = len(asked)
+    assert 0 < some <= 2 * len(again) < len(found)
+    protocol_blocks(log_document(found))
+    assert len(asked) == 2 * some
+    # what is shown does not hang on what else is
+    assert main(["log", str(SESSION), "--all"]) == 0
+    every = capsys.readouterr().out.splitlines()
+    assert len(asked) > 3 * some
+    assert {" ".join(line.split()) for line in shown.splitlines()[:-1]} <= {
+        " ".join(line.split()) for line in every
+    }
+
+
+def test_the_computation_of_w_says_how_far_it_is() -> None:
+    found = read_log(SESSION)
+    told: list[float] = []
+
+    @contextmanager
+    def working() -> Iterator[Progress]:
+        yield lambda what, fraction: told.append(fraction)
+
+    document = log_document(found, working)
+    assert told == []
+    assert len(page_text(document.page, everything=True).splitlines()) == len(found) + 1
+    assert told[-1] == 1.0
+    assert sorted(set(told)) == [(k + 1) / len(found) for k in range(len(found))]
+
+
+def test_the_first_rows_of_a_long_log_do_not_wait_for_the_others(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked: list[int] = []
+    found = [
+        Change(
+            "2026-01-01T10:00:00.000Z",
+            "",
+            "measured",
+            "1/2",
+            w=Sizes(partial(asked.append, k), float),
+        )
+        for k in range(1000)
+    ]
+    parts = page_parts(log_document(found).page, everything=True)
+    assert next(parts).startswith("TIME")
+    assert asked == []
+    assert next(parts).count("\n") == len(asked) - 1 < 500
+    assert sum(part.count("\n") + 1 for part in parts) + len(asked[:128]) == 1000
+    assert asked == list(range(1000))

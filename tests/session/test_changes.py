@@ -10,7 +10,8 @@ from innerscene import InnerScene
 from sessionscene import Scene
 
 from anaplot.exchange.journal import event_of, read_journal
-from anaplot.session.changes import Happened, changes
+from anaplot.session import changes as changes_module
+from anaplot.session.changes import Change, Happened, Sizes, changes
 from anaplot.session.commands import (
     Accept,
     KeepCounters,
@@ -24,7 +25,7 @@ from anaplot.session.commands import (
 )
 from anaplot.session.events import EVENT_KINDS, MonoMeasured, PointMeasured
 from anaplot.session.innerwork import solve_inner
-from anaplot.session.models import solve
+from anaplot.session.models import solve, solve_among
 from anaplot.session.state import EventRefusedError, SessionState, apply, fold
 from anaplot.station.replay import recorded_block
 
@@ -172,3 +173,37 @@ def test_a_fiducial_is_told_with_a_residual_of_its_own() -> None:
     assert (told_of.w_before, told_of.w_after) == (largest(before, "3"), largest(after, "3"))
     # others are off by more before
     assert told_of.w_before < max(largest(before, name) for name in "12345678")
+
+
+def test_a_model_is_oriented_for_a_change_when_its_w_is_asked_for(
+    scene: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[str] = []
+
+    def counted(block, models, model):
+        asked.append(model.name)
+        return solve_among(block, models, model)
+
+    monkeypatch.setattr(changes_module, "solve_among", counted)
+    bench = Bench.of(scene.block, DRIVEN, truth=scene.made.truth)
+    bench.whole_model()
+    bench.measure(bench.desk.state.current.plan[0].point)
+    found = told(bench)
+    assert asked == []
+    again = found[-1]
+    assert again.w_before is not None
+    assert again.w_after is not None
+    assert (again.w_before, again.w_after) == found[-2].w.both
+    assert len(asked) == 2  # before and after it, for both photos
+    # five points determine a model and test nothing: it is not oriented for them
+    assert all(one.w.both == (None, None) for one in found[:10])
+    assert len(asked) == 2
+    assert found[10].w_after is not None
+
+
+def test_w_is_a_part_of_what_makes_changes_equal() -> None:
+    one = Change("t", "me", "off", "1/2", w=Sizes.known(3.0, None))
+    assert one == Change("t", "me", "off", "1/2", w=Sizes.known(3.0, None))
+    assert one != Change("t", "me", "off", "1/2", w=Sizes.known(3.5, None))
+    assert hash(one) == hash(Change("t", "me", "off", "1/2", w=Sizes.known(3.0, None)))
+    assert repr(one.w) == "Sizes(3.0, None)"

@@ -3,13 +3,22 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import replace
 
 from anaplot.report.columns import counted
-from anaplot.report.document import Answer, Column, Document, Line, Table, named, say
+from anaplot.report.document import (
+    Answer,
+    Column,
+    Document,
+    Line,
+    Table,
+    Values,
+    named,
+    say,
+)
 from anaplot.report.html.parts import Captioned, HtmlBlock, Section
 from anaplot.report.html.times import time_column, utc
+from anaplot.report.places import at_places
 
 __all__ = ["protocol_blocks", "switched_off_section"]
 
@@ -67,7 +76,7 @@ def protocol_blocks(log: Document | None, folder: str = "BLOCK") -> tuple[HtmlBl
         blocks.append(say("Nothing is journalled yet."))
     else:
         found = log.tables[0]
-        blocks += _summary(found.records())
+        blocks += _summary(found)
         again = _again(found)
         if len(again):
             words = "What was measured again, switched, renamed, accepted or reopened, in order"
@@ -89,10 +98,8 @@ def protocol_blocks(log: Document | None, folder: str = "BLOCK") -> tuple[HtmlBl
 
 def _again(log: Table) -> Table:
     """Return the rows of a log that change what was there before; times in UTC."""
-    keys = [column.key for column in log.columns]
-    what = log.values[keys.index("what")]
-    rows = [k for k in range(len(log)) if what[k] not in _FIRST]
-    cells = [[values[k] for k in rows] for values in log.values]
+    rows = [k for k, what in enumerate(_values(log, "what")) if what not in _FIRST]
+    cells = [at_places(values, rows) for values in log.values]
     some = [
         (_column(column), values)
         for column, values in zip(log.columns, cells, strict=True)
@@ -110,16 +117,16 @@ def _column(column: Column) -> Column:
     return replace(column, look=None, align=">" if column.parts else column.align)
 
 
-def _summary(rows: Sequence[Answer]) -> list[Line]:
-    kinds = Counter(row["what"] for row in rows)
+def _values(log: Table, key: str) -> Values:
+    return log.values[[column.key for column in log.columns].index(key)]
+
+
+def _summary(log: Table) -> list[Line]:
+    kinds = Counter(_values(log, "what"))
     done = [say("{} {}", kinds[what], words) for what, words in _KINDS.items() if what in kinds]
-    who = list(dict.fromkeys(row["who"] or "nobody named" for row in rows))
+    who = list(dict.fromkeys(one or "nobody named" for one in _values(log, "who")))
+    times = _values(log, "time")
     return [
-        say(
-            "From {} to {} UTC, by {}.",
-            utc(rows[0]["time"]),
-            utc(rows[-1]["time"]),
-            named(who, 12),
-        ),
+        say("From {} to {} UTC, by {}.", utc(times[0]), utc(times[-1]), named(who, 12)),
         say("{}.", named(done)),
     ]
