@@ -114,7 +114,8 @@ class Told(NamedTuple):
 class StateWriter:
     """Makes texts of the states of one session; what it knows from the last one it keeps.
 
-    Most models of a state are those of the state before: a text costs what is new in it.
+    Most models of a state are those of the state before: a text costs what is new in it. Equal
+    states have the same text, whichever of their models are the same objects.
     """
 
     def __init__(self) -> None:
@@ -133,15 +134,16 @@ class StateWriter:
         pointed
             How often what was pointed at.
         """
-        table: dict[int, tuple[ModelState, str]] = {}
+        known: dict[int, tuple[ModelState, str]] = {}
+        table: dict[str, int] = {}
         numbers: dict[int, int] = {}
 
         def number(model: ModelState | None) -> int | None:
             if model is None:
                 return None
-            if id(model) not in table:
-                numbers[id(model)] = len(table)
-                table[id(model)] = self._known.get(id(model)) or (model, _json(_plain(model)))
+            if id(model) not in numbers:
+                known[id(model)] = self._known.get(id(model)) or (model, _json(_plain(model)))
+                numbers[id(model)] = table.setdefault(known[id(model)][1], len(table))
             return numbers[id(model)]
 
         back = state.returned
@@ -158,9 +160,8 @@ class StateWriter:
             sorted(name.split("/") for name in ever),
             unusual(state, pointed),
         ]
-        self._known = table
-        models = ",".join(text for _, text in table.values())
-        return f"[[{models}],{_json(found)[1:]}"
+        self._known = known
+        return f"[[{','.join(table)}],{_json(found)[1:]}"
 
 
 def _json(value: Any) -> str:

@@ -304,8 +304,16 @@ class Desk:
         EventRefusedError
             One of them cannot happen then.
         """
-        before, state = self.state, fold(self.state, events)
-        same = (state.models, state.recomputed) == (before.models, before.recomputed)
+        return self.moved_to(fold(self.state, events))
+
+    def moved_to(self, state: SessionState) -> Desk:
+        """Return the desk at another state of its session, to which events have led."""
+        before = self.state
+        same = (state.models, state.recomputed, state.block) == (
+            before.models,
+            before.recomputed,
+            before.block,
+        )
         return replace(
             self,
             state=state,

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -22,6 +23,7 @@ from anaplot.exchange.journal import JournalRecord, event_of, read_journal
 from anaplot.exchange.journalkinds import is_known
 from anaplot.exchange.patternfile import is_pattern_file
 from anaplot.exchange.recordline import OPENING
+from anaplot.orientation.results import ModelSolution
 from anaplot.photogrammetry.block import Block
 from anaplot.plotter.decoder import Decoder
 from anaplot.plotter.profile import recorded_profile
@@ -36,10 +38,12 @@ from anaplot.session.events import (
     PointMeasured,
     PointRepeated,
 )
-from anaplot.session.innerwork import InnerOutlook
-from anaplot.session.modes import Mode
+from anaplot.session.innerwork import InnerOutlook, inner_outlook
+from anaplot.session.models import solved_or_none
+from anaplot.session.modes import mode_of
 from anaplot.session.repeating import repetition
-from anaplot.session.state import EventRefusedError, SessionState, fold, start
+from anaplot.session.state import EventRefusedError, SessionState, apply, fold, start
+from anaplot.session.tiecheck import NOTHING_KNOWN
 from anaplot.station.payloads import (
     Heard,
     Opened,
@@ -72,7 +76,7 @@ class Difference(NamedTuple):
         return f"{self.file} line {self.line}: {self.what}"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Step:
     """One step of a replay: the record, the state after it, what stands then, what differed.
 
@@ -80,8 +84,10 @@ class Step:
     ----------
     record
         The journal's record.
-    desk
-        The desk after it.
+    state
+        The session's state after it.
+    of_desk
+        Computes the `desk` after it.
     event
         The event that it was, or None.
     position
@@ -93,11 +99,17 @@ class Step:
     """
 
     record: JournalRecord
-    desk: Desk
+    state: SessionState
+    of_desk: Callable[[], Desk] = field(repr=False)
     event: Event | None
     position: Position | None
     compared: bool
     difference: Difference | None
+
+    @cached_property
+    def desk(self) -> Desk:
+        """The desk after it: most of what stands on it is an orientation, which is computed now."""
+        return self.of_desk()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -199,7 +211,7 @@ def replay_session(session: Path, progress: Progress | None = None) -> Replayed:
     for number, step in enumerate(replay(block, records), 1):
         if progress is not None:
             progress("replay", number / len(records))
-        state = step.desk.state
+        state = step.state
         tables += step.compared
         measured = isinstance(step.event, Measurement)
         measurements += measured and step.difference is None
@@ -237,7 +249,8 @@ def replay(
     InputError
         An event does not fit the state: the journal is not of this block.
     """
-    desk = Desk.at(start(block))
+    state = start(block)
+    desks = _Desks()
     events: list[Event] = []
     declared: tuple[str, Mapping[str, str]] | None = None
     line = _Decoding()
@@ -254,38 +267,39 @@ def replay(
             if said.block_toml is not None and (said.block_toml, said.camera_files) != declared:
                 declared = said.block_toml, said.camera_files
                 block = _with_pattern(_declared(record, *declared), records)
-                desk = Desk.at(_opened_with(block, events, record))
+                state = _opened_with(block, events, record)
         elif record.kind == "traffic":
             line.traffic(record)
         elif record.kind in EVENT_KINDS:
             event = event_of(record)
             if isinstance(event, Measurement):
-                difference = line.check(event, desk.mode)
-            inner = desk.outlook.inner
+                difference = line.check(event, state)
+            before = state
             try:
-                desk = desk.folded(event)
+                state = apply(state, event)
             except EventRefusedError as error:
                 raise InputError(f"{record.file} line {record.line}: {error}") from error
             events.append(event)
-            snapshots.happened(event, desk.state)
+            snapshots.happened(event, state)
             if isinstance(event, InnerAccepted):
-                difference = _accepted_otherwise(event, desk.state, inner)
+                difference = _accepted_otherwise(event, state, _inner_in_work(before))
         elif record.kind == "table":
             compared = True
-            difference = table_difference(table_of(record), desk.outlook.solution)
+            difference = table_difference(table_of(record), _solution_in_work(state))
         elif record.kind == "inner-table":
             compared = True
-            inner = desk.outlook.inner
+            inner = _inner_in_work(state)
             difference = inner_table_difference(
                 inner_table_of(record),
                 None if inner is None else inner.state,
                 None if inner is None else inner.solution,
             )
         else:
-            difference = snapshots.difference(record, desk.state)
+            difference = snapshots.difference(record, state)
         yield Step(
             record=record,
-            desk=desk,
+            state=state,
+            of_desk=partial(desks.at, state),
             event=event,
             position=line.position,
             compared=compared,
@@ -304,6 +318,35 @@ def _opened_with(block: Block, events: Iterable[Event], record: JournalRecord) -
             f"{record.file} line {record.line}: what happened before does not fit the block "
             f"declared here: {error}"
         ) from error
+
+
+class _Desks:
+    """The desk at states of a session, each after the one before: little of it is another."""
+
+    def __init__(self) -> None:
+        self._desk: Desk | None = None
+
+    def at(self, state: SessionState) -> Desk:
+        """Return the desk at a state."""
+        if self._desk is None:
+            self._desk = Desk.at(state)
+        elif self._desk.state is not state:
+            self._desk = self._desk.moved_to(state)
+        return self._desk
+
+
+def _inner_in_work(state: SessionState) -> InnerOutlook | None:
+    """Return the inner orientation that comes before the points of the model in work, or None."""
+    inner = None if state.current is None else state.current.open_inner
+    return None if inner is None else inner_outlook(state.block, inner)
+
+
+def _solution_in_work(state: SessionState) -> ModelSolution | None:
+    """Return the model in work, where its points are measured and determine it."""
+    model = state.current
+    if model is None or model.open_inner is not None or not model.measured:
+        return None
+    return solved_or_none(state, model)
 
 
 class _Decoding:
@@ -370,10 +413,11 @@ class _Decoding:
         elif item.name == "confirm":
             decoder.confirm_reference()
 
-    def check(self, event: Measurement, mode: Mode | None) -> str | None:
-        """Find the measurement among what the bytes said, to the last digit."""
+    def check(self, event: Measurement, state: SessionState) -> str | None:
+        """Find the measurement among what the bytes said before it, to the last digit."""
         if self._decoder is None:
             return None
+        mode = mode_of(state, NOTHING_KNOWN)
         if isinstance(event, FiducialMeasured):
             point = event.fiducial
             name = f"fiducial {point} of photo {event.photo} ({event.side})"

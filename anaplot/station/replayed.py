@@ -28,6 +28,7 @@ from anaplot.session.events import (
 from anaplot.session.plates import ReadOut, image_of, plates_of
 from anaplot.session.requests import Severity
 from anaplot.session.state import SessionState, start
+from anaplot.session.workflow import Outlook
 from anaplot.station.blockwatch import BlockWatch
 from anaplot.station.commanded import Commanded
 from anaplot.station.livestatus import LiveStatus
@@ -117,11 +118,11 @@ class ReplayStation(Commanded):
 
     def _show(self, step: Step) -> None:
         if step.position is not None:
-            self._readout = image_of(step.position, plates_of(step.desk.state))
+            self._readout = image_of(step.position, plates_of(step.state))
         if step.event is None and step.difference is None:
             return
         # as recorded: what lies in the folder today was not there
-        state, view = step.desk.state, step.desk.outlook
+        state, view = step.state, step.desk.outlook
         self._of_session.update(model.name for model in state.models)
         self._watch.tell(state.block, state, view, self._of_session)
         self._desk = step.desk
@@ -187,25 +188,21 @@ class ReplayStation(Commanded):
 def _told(step: Step) -> list[str]:
     """Return what a person is told of a step."""
     lines = []
-    event, view = step.event, step.desk.outlook
+    event = step.event
     if isinstance(event, PointMeasured):
         lines.append(f"{event.left}/{event.right}: {event.point} recorded")
-        solution = view.solution
-        if solution is not None and solution.flagged and view.diagnosis is not None:
-            lines.append(view.diagnosis.advice[0])
+        lines += _advice(step.desk.outlook)
     elif isinstance(event, MonoMeasured):
         photo = event.left if event.side == "left" else event.right
         lines.append(f"{event.left}/{event.right}: {event.point} recorded in photo {photo}")
-        solution = view.solution
-        if solution is not None and solution.flagged and view.diagnosis is not None:
-            lines.append(view.diagnosis.advice[0])
+        lines += _advice(step.desk.outlook)
     elif isinstance(event, PhotoLaid):
         lines.append(f"photo {event.photo} laid into the comparator")
     elif isinstance(event, PointRepeated):
         lines.append(f"{'fiducial' if event.fiducial else 'point'} {event.name} pointed at again")
     elif isinstance(event, FiducialMeasured):
         lines.append(f"photo {event.photo} ({event.side}): fiducial {event.fiducial} recorded")
-        inner = view.inner
+        inner = step.desk.outlook.inner
         if inner is not None and inner.suspects:
             lines.append(inner.advice[0])
     elif isinstance(event, InnerAccepted):
@@ -219,3 +216,9 @@ def _told(step: Step) -> list[str]:
     if step.difference is not None:
         lines.append(f"DIFFERENT: {step.difference}")
     return lines
+
+
+def _advice(view: Outlook) -> tuple[str, ...]:
+    """Return what is said of a model with flagged rows."""
+    flagged = view.solution is not None and view.solution.flagged
+    return view.diagnosis.advice[:1] if flagged and view.diagnosis is not None else ()

@@ -12,8 +12,17 @@ from pathlib import Path
 import pytest
 
 from anaplot.cli import main
+from anaplot.exchange.journal import read_journal
+from anaplot.exchange.journalkinds import is_known
+from anaplot.session import desk as desk_module
+from anaplot.session.desk import Desk
+from anaplot.session.models import solved_or_none
+from anaplot.session.workflow import outlook
+from anaplot.station import replay as replay_module
+from anaplot.station.replay import recorded_block, replay, replay_session
 
-SESSION = Path(__file__).parents[1] / "sessions" / "changes.jsonl"
+SESSIONS = Path(__file__).parents[1] / "sessions"
+SESSION = SESSIONS / "changes.jsonl"
 
 
 def test_the_table_of_all_models_is_that_of_the_json(tmp_path, capsys):
@@ -81,3 +90,36 @@ def test_a_comparison_is_told_to_programs_too(tmp_path, capsys):
     assert Path(first["file"]).name == "s.jsonl"
     assert first["line"] == k + 1
     assert first["what"] in err
+
+
+@pytest.mark.parametrize("name", ["changes", "fiducials", "fault-flip"])
+def test_what_stands_on_the_desk_is_computed_when_it_is_asked_for(name, monkeypatch):
+    session = SESSIONS / f"{name}.jsonl"
+    records = read_journal(session, keep=is_known).records
+    block = recorded_block(session, records)
+    asked: list[object] = []
+
+    def counted(state):
+        asked.append(state)
+        return outlook(state)
+
+    def solved(state, model):
+        oriented.append(model)
+        return solved_or_none(state, model)
+
+    oriented: list[object] = []
+    monkeypatch.setattr(desk_module, "outlook", counted)
+    monkeypatch.setattr(replay_module, "solved_or_none", solved)
+    steps = list(replay(block, records))
+    tables = sum(step.record.kind == "table" for step in steps)
+    assert len(oriented) == tables
+    assert replay_session(session).tables == sum(step.compared for step in steps) >= tables > 0
+    assert asked == []
+    events = [step for step in steps if step.event is not None]
+    # in whichever order they are asked for
+    for step in (*events[::3], *reversed(events)):
+        anew = Desk.at(step.state)
+        assert step.desk.state is step.state
+        assert step.desk.recomputed == anew.recomputed
+        assert step.desk.expected == anew.expected
+        assert (step.desk.outlook.solution is None) == (anew.outlook.solution is None)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import zlib
 from collections import Counter
 from collections.abc import Callable, Iterable
@@ -25,7 +26,7 @@ from anaplot.exchange.eventcodec import event_to_payload
 from anaplot.exchange.journal import Journal, JournalError, read_journal
 from anaplot.exchange.journalread import MAX_FILE_BYTES
 from anaplot.exchange.journalsnapshot import snapshots_of
-from anaplot.exchange.statecodec import StateWriter, state_from_text
+from anaplot.exchange.statecodec import StateWriter, Told, state_from_text
 from anaplot.photogrammetry.block import Block
 from anaplot.session import state as state_module
 from anaplot.session.events import (
@@ -40,6 +41,7 @@ from anaplot.session.events import (
 from anaplot.session.pointedat import Target, Targets, pointed_at
 from anaplot.session.state import EventRefusedError, SessionState, apply, start
 from anaplot.station import restored as restored_module
+from anaplot.station import snapshotcheck
 from anaplot.station.imagepoints import accepted_ever
 from anaplot.station.replay import replay_session
 from anaplot.station.restored import Past, Snapshots, choice_for, past_of, restored
@@ -78,6 +80,19 @@ def test_a_state_is_read_back_equal(steps: list[Draft]) -> None:
     pointed = pointed_in(events, states)
     check_same(read_back(states[-1], accepted_ever(events), pointed), states[-1])
     assert not read_back(states[-1]).may_undo
+
+
+@given(drafts)
+def test_equal_states_have_the_same_text(steps: list[Draft]) -> None:
+    events, states = played(steps)
+    ever, pointed = accepted_ever(events), pointed_in(events, states)
+    writer = StateWriter()
+    for state in states[::7]:  # what it knows from earlier states changes nothing
+        writer.text(state, ever, pointed)
+    text = writer.text(states[-1], ever, pointed)
+    other = copy.deepcopy(states[-1].models)  # equal models that are other objects
+    assert StateWriter().text(replace(states[-1], models=other), ever, pointed) == text
+    assert StateWriter().text(read_back(states[-1], ever, pointed), ever, pointed) == text
 
 
 @given(drafts, st.integers(0, 120))
@@ -394,6 +409,28 @@ def test_a_snapshot_that_says_otherwise_is_told_by_a_replay(tmp_path: Path) -> N
 
 
 @OFTEN
+@OFTEN
+def test_a_replay_reads_no_snapshot_that_says_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    day = Day(tmp_path / "b")
+    day.journal.close()
+    assert b'"kind":"snapshot"' in day.last.read_bytes()
+    asked: list[str] = []
+
+    def counted(text: str, state: SessionState) -> Told:
+        asked.append(text)
+        return state_from_text(text, state)
+
+    monkeypatch.setattr(snapshotcheck, "state_from_text", counted)
+    assert replay_session(day.folder).differences == ()
+    assert asked == []
+    # one that says the same in another way does not differ
+    monkeypatch.setattr(snapshotcheck.StateWriter, "text", lambda *_: "")
+    assert replay_session(day.folder).differences == ()
+    assert len(asked) > 0
+
+
 def test_another_block_than_that_of_the_snapshot_is_folded(tmp_path: Path) -> None:
     day = Day(tmp_path / "b")
     day.journal.close()
