@@ -39,6 +39,7 @@ from anaplot.session.events import (
     Undone,
 )
 from anaplot.session.pointedat import Target, Targets, pointed_at
+from anaplot.session.returning import AsAccepted
 from anaplot.session.state import EventRefusedError, SessionState, apply, start
 from anaplot.station import restored as restored_module
 from anaplot.station import snapshotcheck
@@ -177,6 +178,16 @@ def test_models_that_do_not_fit_the_block_are_refused() -> None:
     ):
         with pytest.raises(InputError, match="does not fit the block"):
             read_back(replace(state, models=(wrong, *state.models[1:])))
+
+
+def test_a_model_stands_once_in_a_text_whichever_object_it_is(tmp_path: Path) -> None:
+    day = Day(tmp_path / "b")
+    day.journal.close()
+    models = day.state.models
+    state = replace(day.state, recomputed=(AsAccepted(models[1].photos, models),))
+    other = replace(state, models=copy.deepcopy(models))
+    assert other == state
+    assert StateWriter().text(other, (), {}) == StateWriter().text(state, (), {})
 
 
 def open_session(folder: Path, block: Block, header: dict[str, object]) -> tuple[Journal, Past]:
