@@ -146,15 +146,23 @@ class StateWriter:
                 numbers[id(model)] = table.setdefault(known[id(model)][1], len(table))
             return numbers[id(model)]
 
+        listed: dict[int, list[int | None]] = {}
+
+        def all_of(models: tuple[ModelState, ...]) -> list[int | None]:
+            # mostly some were computed anew at once
+            if id(models) not in listed:
+                listed[id(models)] = [number(model) for model in models]
+            return listed[id(models)]
+
         back = state.returned
         found = [
-            [number(model) for model in state.models],
+            all_of(state.models),
             number(state.current),
             state.suspended,
             state.layings,
             None if back is None else [number(back.parked), back.point, back.photo],
             state.latest,
-            [[one.photos, [number(model) for model in one.models]] for one in state.recomputed],
+            [[one.photos, all_of(one.models)] for one in state.recomputed],
             _plain(state.reasons),
             _plain(state.last_change),
             sorted(name.split("/") for name in ever),

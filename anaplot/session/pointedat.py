@@ -82,8 +82,9 @@ def unusual(state: SessionState, targets: Targets) -> list[tuple[Target, int]]:
         How often what was pointed at in them.
     """
     usual = dict(_usual(state))
-    every = sorted(usual.keys() | targets.keys(), key=lambda t: (*t[:3], t.side or "", t.fiducial))
-    return [(t, targets.get(t, 0)) for t in every if targets.get(t, 0) != usual.get(t, 0)]
+    found = [(t, n) for t, n in targets.items() if n != usual.get(t, 0)]
+    found += [(t, 0) for t, n in usual.items() if n and t not in targets]
+    return sorted(found, key=lambda one: (*one[0][:3], one[0].side or "", one[0].fiducial))
 
 
 def with_unusual(state: SessionState, said: Iterable[tuple[Target, int]]) -> dict[Target, int]:

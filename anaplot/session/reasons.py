@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Literal, NamedTuple, get_args
 
 from anaplot.aliases import Axis, SwitchedBy
@@ -70,6 +71,9 @@ class RowReason(NamedTuple):
     reason: Reason | SwitchedBy
 
 
+_MODEL_OF = attrgetter("model")
+
+
 def last_change(
     before: ModelState | None, event: Event, after: ModelState | None
 ) -> LastChange | None:
@@ -121,9 +125,9 @@ def after_change(
 
     `before`, `after`: the model in the instrument.
     """
+    if changed.model not in map(_MODEL_OF, reasons):
+        return reasons  # mostly, and a long session has many
     if changed.what in ("renamed", "undone") and before is not None and after is not None:
-        if all(r.model != changed.model for r in reasons):
-            return reasons  # mostly: names are compared only where something goes with them
         names = names_after(before, after)
         # both ways, so that an undo brings all of them back
         names |= {name: point for point, name in names.items() if name not in names}
