@@ -14,8 +14,9 @@ from anaplot.report.document import Document, Later, Table, name, number, say
 from anaplot.report.journalnote import session_note, with_journal_notes
 from anaplot.report.output import Output
 from anaplot.report.progress import working
+from anaplot.report.streams import complain
 from anaplot.session.changes import Change
-from anaplot.station.sessionlog import read_log
+from anaplot.station.sessionlog import SessionLog
 
 __all__ = ["local_time", "log_document", "run_log"]
 
@@ -64,8 +65,11 @@ def run_log(options: argparse.Namespace) -> int:
     output = Output.of(options)
     output.check({"is read": (options.session,)})
     with working("reading the journal"):
-        found = log_document(read_log(options.session), partial(working, "computing w"))
+        log = SessionLog(options.session)
+        found = log_document(log.read(), partial(working, "computing w"))
         found = with_journal_notes(found, session_note(options.session))
+    for remark in log.remarks:
+        complain(f"note: {remark}")
     output.show(found)
     return 0
 

@@ -73,6 +73,8 @@ def run_replay(options: argparse.Namespace) -> int:
     output.check({"is read": journal_files(options.session), "is written": written}, options.to)
     with working("reading the journal") as line:
         replayed = replay_session(options.session, line)
+    for remark in replayed.remarks:
+        complain(f"note: {remark}")
     if options.to is not None:
         rebuild(replayed, options.to)
     if options.check:

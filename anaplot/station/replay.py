@@ -126,6 +126,8 @@ class Replayed:
         How many tables were compared, and how many measurements found in the recorded bytes.
     differences
         Everything that came out differently, in order.
+    remarks
+        What of the journal was left out: a torn end, files that are none of it.
     """
 
     block: Block
@@ -133,6 +135,7 @@ class Replayed:
     tables: int
     measurements: int
     differences: tuple[Difference, ...]
+    remarks: tuple[str, ...] = ()
 
 
 def recorded_block(session: Path, records: Iterable[JournalRecord]) -> Block:
@@ -203,7 +206,8 @@ def replay_session(session: Path, progress: Progress | None = None) -> Replayed:
     InputError
         It cannot be read, is damaged, or does not fit its block.
     """
-    records = read_journal(session, keep=is_known).records
+    recovered = read_journal(session, keep=is_known)
+    records = recovered.records
     block = recorded_block(session, records)
     state = start(block)
     tables = measurements = 0
@@ -217,7 +221,7 @@ def replay_session(session: Path, progress: Progress | None = None) -> Replayed:
         measurements += measured and step.difference is None
         if step.difference is not None:
             differences.append(step.difference)
-    return Replayed(state.block, state, tables, measurements, tuple(differences))
+    return Replayed(state.block, state, tables, measurements, tuple(differences), recovered.remarks)
 
 
 def replay(

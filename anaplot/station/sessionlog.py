@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Iterable
+from itertools import islice
 from pathlib import Path
 
 from anaplot.errors import InputError
-from anaplot.exchange.journal import JournalRecord, event_of, read_journal
+from anaplot.exchange.journal import JournalRecord, Recovered, event_of, read_journal
 from anaplot.exchange.journalkinds import is_event
 from anaplot.exchange.recordline import OPENING
 from anaplot.photogrammetry.block import Block
@@ -25,6 +27,11 @@ class SessionLog:
     ----------
     session
         A journal file, a folder `sessions` or a block folder.
+
+    Attributes
+    ----------
+    remarks
+        What of it was left out when it was read last: a torn end, files that are none of it.
     """
 
     def __init__(self, session: Path) -> None:
@@ -32,6 +39,7 @@ class SessionLog:
         self._one = threading.Lock()
         self._log: ChangeLog | None = None
         self._count = 0  # events taken notice of
+        self.remarks: tuple[str, ...] = ()
 
     def read(self) -> tuple[Change, ...]:
         """Return what changed so far; only what is new since the last time is worked out.
@@ -42,7 +50,9 @@ class SessionLog:
             It cannot be read, is damaged, or does not fit its block.
         """
         with self._one:
-            records, history = read_history(self._session)
+            recovered = _recovered(self._session)
+            self.remarks = recovered.remarks
+            records, history = recovered.records, _history(recovered.records)
             if not history:
                 return ()
             if self._log is None:
@@ -54,8 +64,10 @@ class SessionLog:
                     self._log.add(happened)
                     self._count += 1
             except EventRefusedError as error:
+                events = (record for record in records if record.kind not in OPENING)
+                at = next(islice(events, self._count, None))
                 raise InputError(
-                    f"{self._session}: the journal does not fit its block: {error}"
+                    f"{at.file} line {at.line}: does not fit the block of the journal: {error}"
                 ) from None
             return self._log.changes
 
@@ -104,7 +116,15 @@ def read_history(session: Path) -> tuple[tuple[JournalRecord, ...], tuple[Happen
     InputError
         It cannot be read, or is damaged.
     """
-    records = read_journal(session, keep=lambda kind: is_event(kind) or kind in OPENING).records
+    records = _recovered(session).records
+    return records, _history(records)
+
+
+def _recovered(session: Path) -> Recovered:
+    return read_journal(session, keep=lambda kind: is_event(kind) or kind in OPENING)
+
+
+def _history(records: Iterable[JournalRecord]) -> tuple[Happened, ...]:
     who = ""
     history = []
     for record in records:
@@ -113,4 +133,4 @@ def read_history(session: Path) -> tuple[tuple[JournalRecord, ...], tuple[Happen
             who = named if isinstance(named, str) else ""
         else:
             history.append(Happened(record.time, who, event_of(record)))
-    return tuple(records), tuple(history)
+    return tuple(history)

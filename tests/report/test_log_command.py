@@ -206,3 +206,35 @@ def test_the_first_rows_of_a_long_log_do_not_wait_for_the_others(
     assert next(parts).count("\n") == len(asked) - 1 < 500
     assert sum(part.count("\n") + 1 for part in parts) + len(asked[:128]) == 1000
     assert asked == list(range(1000))
+
+
+@pytest.mark.parametrize("command", [["log"], ["replay", "--check"]])
+def test_a_torn_end_is_told_of(
+    command: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "0001.jsonl"
+    lines = SESSION.read_bytes().splitlines(keepends=True)
+    file.write_bytes(b"".join(lines))
+    assert main([*command, str(file)]) == 0
+    assert capsys.readouterr().err == ""
+    file.write_bytes(b"".join(lines)[:-20])
+    assert main([*command, str(file)]) == 0
+    told = capsys.readouterr().err
+    assert told.startswith("anaplot: note: ")
+    assert f"line {len(lines)}: " in told
+    assert "left out" in told
+
+
+def test_what_does_not_fit_is_named_with_its_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    block = tmp_path / "b"
+    block.mkdir()
+    (block / "block.toml").write_text(PLAIN)
+    plan = (PlannedPoint("p", "new", 1.0, 2.0, -91.0, 2.0),)
+    with Journal.open(block, {})[0] as journal:
+        append_event(journal, ModelChosen("1", "1", "2", plan))
+        journal.append("traffic", {"items": []}, durable=False)
+        append_event(journal, PointMeasured("2", "3", "p", 1.0, 2.0, -91.0, 2.0, "key"))
+    assert main(["log", str(block)]) == 2
+    assert "0001.jsonl line 4: does not fit the block" in capsys.readouterr().err
