@@ -117,7 +117,7 @@ ACTIONS: tuple[Action, ...] = (
     Action("add_point", "+", "Add", "Add a point beyond the plan.", 16),
     Action("automatic", "o", "Auto", "Let the simulated operator work, or stop him.", 14),
     Action("suspend", "p", "Pause", "Suspend the work, or resume it.", 15),
-    Action("stop", "escape", "Stop", "Stop the plates.", 17),
+    Action("stop", "escape", "Stop", "Stop the plates, and give up where they go to.", 17),
     Action("orientation", "f2", "", "Show the model's orientation (A2)."),
     Action("messages", "l", "", "All messages so far, the newest first."),
     Action("log", "H", "", "Who changed what and why, the newest first."),

@@ -62,10 +62,7 @@ def decide(desk: Desk, command: Command, seen: Seen) -> Decision:
         case commands.Drive(point):
             _drive(draft, point)
         case commands.Stop():
-            ended = {} if draft.desk.repeating is None else {"target": None}
-            draft.redirect(drive_target=None, setting="", **ended)
-            if draft.desk.abilities is not None and draft.desk.abilities.drives:
-                draft.ask(StopDrive())
+            _stop(draft)
         case commands.RecordPoint():
             _record(draft)
         case commands.PointAgain(point, times):
@@ -119,6 +116,18 @@ def _drive(draft: Draft, point: str) -> None:
         draft.point_away(replace(repeating, moved=False))  # it goes on with what it is at
         return
     draft.aim(mode, point)
+
+
+def _stop(draft: Draft) -> None:
+    desk = draft.desk
+    begins = bool(desk.setting) and desk.settles_after is None  # the instrument was not asked yet
+    if desk.drive_target is not None or begins or desk.repeating is not None:
+        # the plates stop anywhere, or run on: what is recorded there is not what they went to
+        draft.go_nowhere()
+    else:
+        draft.redirect(setting="")
+    if desk.abilities is not None and desk.abilities.drives:
+        draft.ask(StopDrive())
 
 
 def _record(draft: Draft) -> None:

@@ -52,7 +52,15 @@ from anaplot.session.events import (
     PlannedPoint,
     PointMeasured,
 )
-from anaplot.session.heard import DriveFailed, KeyFailed, LinkChanged, MarkSet, ReferenceLost, Seen
+from anaplot.session.heard import (
+    Abilities,
+    DriveFailed,
+    KeyFailed,
+    LinkChanged,
+    MarkSet,
+    ReferenceLost,
+    Seen,
+)
 from anaplot.session.hearing import hear
 from anaplot.session.modes import Fiducials, Pairs, Singles
 from anaplot.session.requests import (
@@ -248,6 +256,40 @@ def test_a_mark_set_after_an_earlier_drive_does_not_count(bench: Bench) -> None:
     assert bench.told[-1] == "nothing there"
     assert bench.requests[-2] == ReadAnew()
     assert bench.press().events
+
+
+def test_plates_that_are_stopped_are_nowhere(bench: Bench) -> None:
+    bench.give(NextModel())
+    target, there = bench.desk.target, bench.stands
+    bench.give(Stop())
+    assert bench.desk.standing
+    assert bench.desk.target is None
+    assert bench.desk.next_name == target
+    # wherever they stand, and though they ran on
+    bench.hear(InPosition(there))
+    bench.hear(there)
+    bench.press()
+    assert bench.told[-1] == "not recorded: drive to a point first"
+    bench.measure(target or "")
+
+
+def test_plates_that_stand_stay_where_they_are(bench: Bench) -> None:
+    bench.give(NextModel())
+    target = bench.desk.target
+    bench.arrive()
+    bench.give(Stop())
+    assert bench.desk.target == target
+    assert bench.press().events
+
+
+def test_a_hand_that_was_not_asked_yet_has_set_no_mark(scene: Scene) -> None:
+    bench = Bench.of(scene.block, Abilities(drives=False), truth=scene.made.truth)
+    bench.at_hand()
+    bench.give(NextModel())
+    bench.desk = replace(bench.desk, settles_after=None)
+    bench.give(Stop())
+    assert bench.desk.standing
+    assert bench.desk.target is None
 
 
 @pytest.mark.parametrize("command", [TakeOver(), TurnWheels(), Stop()])

@@ -399,13 +399,23 @@ def test_without_a_plotter_one_looks_on(bench: Bench) -> None:
 
 
 def test_a_stopped_drive(bench: Bench) -> None:
-    station, watch = bench.open(time_scale=0.001)
+    station, watch = bench.open(time_scale=0.05)
     station.next_model()
+    first = station.snapshot().target
+    assert first is not None
     station.stop()
     assert station.standing
     assert station.desk.drive_target is None
-    assert station.snapshot().target is not None
-    assert watch.station is station
+    # the plates stand anywhere: what is recorded there is not the point that they went to
+    assert station.snapshot().target is None
+    assert station.snapshot().next_point == first
+    assert station.instrument is not None
+    assert station.instrument.simulator is not None
+    station.instrument.simulator.press("pedal")
+    watch.heard("not recorded: drive to a point first")
+    with pytest.raises(InputError, match="drive to a point first"):
+        station.record()
+    assert bench.payloads("point-measured") == []
 
 
 def test_after_closing_everything_is_refused(bench: Bench) -> None:
