@@ -26,6 +26,7 @@ from anaplot.plotter.schema import (
     RecordFormat,
     Simulate,
     Stage,
+    pressed_only,
 )
 from anaplot.textfiles.inputfile import decoded, read_bytes
 from anaplot.textfiles.kinds import (
@@ -484,11 +485,7 @@ class _Loader:
         return DriveFormat(**{**usual, **given, "limits": {**bounds, **given.get("limits", {})}})
 
     def _read_simulate(self, poll: Poll | None, switches: Mapping[str, Footswitch]) -> Simulate:
-        pressed = any(
-            switch.source == "every"
-            or (switch.source == "record" and self._records[switch.record].kind == "position")
-            for switch in switches.values()
-        )
+        pressed = pressed_only(switches.values(), self._records)
         usual = {"stream": None if poll or pressed else 0.04}
         return Simulate(**{**usual, **self._root.table("simulate").take({}, keys.SIMULATE)})
 

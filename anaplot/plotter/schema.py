@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -25,6 +25,7 @@ __all__ = [
     "RecordFormat",
     "Simulate",
     "Stage",
+    "pressed_only",
 ]
 
 Encoding = Literal["decimal", "integer", "hex", "bits6", "bits7", "int-le", "int-be"]
@@ -347,6 +348,15 @@ class Footswitch:
     debounce: float = 0.05
 
 
+def pressed_only(switches: Iterable[Footswitch], records: Mapping[str, RecordFormat]) -> bool:
+    """Whether a device that is not asked tells positions only when something is pressed."""
+    return any(
+        switch.source == "every"
+        or (switch.source == "record" and records[switch.record].kind == "position")
+        for switch in switches
+    )
+
+
 @dataclass(frozen=True, slots=True)
 class DriveFormat:
     """How the plates are driven: ``[drive]``; without it they are moved by hand.
@@ -506,6 +516,21 @@ class Profile:
     def incremental(self) -> bool:
         """Whether any axis loses its origin with the power."""
         return any(axis.incremental for axis in self.axes.values())
+
+    @property
+    def still(self) -> float:
+        """By how much read-outs of plates that stand may differ, plate coordinates [mm]."""
+        stills = [axis.still for axis in self.axes.values()]
+        rows = self.stage.matrix
+        return max(sum(abs(f) * s for f, s in zip(row, stills, strict=True)) for row in rows)
+
+    @property
+    def reads(self) -> bool:
+        """Whether positions come that nobody pressed for: by themselves, or because it is asked."""
+        if self.poll is not None:
+            return True
+        told = any(record.kind == "position" for record in self.records.values())
+        return told and not pressed_only(self.footswitches.values(), self.records)
 
     @property
     def default_link(self) -> str:

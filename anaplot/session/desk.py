@@ -17,6 +17,7 @@ from anaplot.photogrammetry.block import ControlPoint
 from anaplot.photogrammetry.readings import Position
 from anaplot.planning.modelplan import Candidates
 from anaplot.session.accidents import Accident, accidents
+from anaplot.session.arrival import NO_REPLIES, Replies
 from anaplot.session.checkpoints import check_points, points_due
 from anaplot.session.events import Event
 from anaplot.session.heard import Abilities
@@ -59,6 +60,8 @@ class Desk:
         The point or fiducial that the plates are at or drive to, or None.
     drive_target
         Where the plates are driving [mm]; None when they stand.
+    replies
+        Which replies to drives may still come.
     setting
         Who is still setting the mark after a drive, or "".
     settles_after
@@ -92,6 +95,7 @@ class Desk:
     auto_drive: bool = True
     target: str | None = None
     drive_target: Position | None = None
+    replies: Replies = NO_REPLIES
     setting: str = ""
     settles_after: int | None = None
     referencing: Referencing | None = None

@@ -194,6 +194,7 @@ class Draft:
         return {
             # undriven plates that are moved are there at once, and no reply says so
             "drive_target": place if abilities.drives else None,
+            "replies": self.desk.replies.driven(place) if abilities.drives else self.desk.replies,
             "setting": self.seen.own_operator,
             # the mark that counts is the one set after this drive, not after one given up before
             "settles_after": None,

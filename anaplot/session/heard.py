@@ -35,12 +35,18 @@ class Abilities:
         Whether the plates go to a point without the person at the instrument.
     middle
         The middle of the travel, plate coordinates [mm].
+    still
+        By how much read-outs of plates that stand may differ [mm].
+    reads
+        Whether positions are read without a press.
     """
 
     mono: bool = False
     drives: bool = True
     moves: bool = True
     middle: Position = _ORIGIN
+    still: float = 0.003
+    reads: bool = True
 
 
 @dataclass(frozen=True, slots=True)

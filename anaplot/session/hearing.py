@@ -18,6 +18,7 @@ from anaplot.photogrammetry.readings import (
     Refused,
 )
 from anaplot.session.accidents import Accident
+from anaplot.session.arrival import is_at
 from anaplot.session.counters import lose_reference
 from anaplot.session.desk import Desk
 from anaplot.session.draft import Decision, Draft
@@ -38,8 +39,6 @@ from anaplot.session.workflow import Outlook
 
 __all__ = ["hear"]
 
-_ARRIVED_MM = 0.02  # a read-out this near to the target ends a drive as its reply would
-_SAME_DRIVE_MM = 1.0  # a reply farther away than this is of a drive given up before
 _REFUSALS_TOLD = 1.0  # s between two notices about bytes that are no readings
 
 
@@ -48,11 +47,16 @@ def hear(desk: Desk, heard: Heard, seen: Seen) -> Decision:
     draft = Draft(desk, seen)
     match heard:
         case Position():
-            _passed(draft, heard, _ARRIVED_MM)
+            _passed(draft, heard)
+            _read(draft, heard)
         case InPosition(None):
-            _arrived(draft)
+            _replied(draft)
         case InPosition(Position() as position):
-            _passed(draft, position, _SAME_DRIVE_MM)
+            _passed(draft, position)
+            replies, target = draft.desk.replies.answered(position)
+            draft.change(replies=replies)
+            if target is not None and target == draft.desk.drive_target:
+                _arrived(draft)
         case DriveBegun(before):
             draft.change(settles_after=before)
         case DriveFailed(errand):
@@ -86,8 +90,8 @@ def hear(desk: Desk, heard: Heard, seen: Seen) -> Decision:
     return draft.decision()
 
 
-def _passed(draft: Draft, position: Position, within: float) -> None:
-    """Take it that the plates were at a position: as near to the target as that, they arrived."""
+def _passed(draft: Draft, position: Position) -> None:
+    """Take it that the plates were at a position: what was pointed at may lie elsewhere."""
     repeating = draft.desk.repeating
     if repeating is not None and not repeating.moved and repeating.is_away(position):
         draft.change(repeating=replace(repeating, moved=True))
@@ -99,9 +103,28 @@ def _passed(draft: Draft, position: Position, within: float) -> None:
         )
         if referencing.is_away(counters):
             draft.change(referencing=replace(referencing, moved=True))
-    target = draft.desk.drive_target
-    if target is not None and _gap(position, target) <= within:
+
+
+def _read(draft: Draft, position: Position) -> None:
+    """Take a read-out: it may say that the plates have arrived."""
+    target, replies = draft.desk.drive_target, draft.desk.replies
+    if target is None:
+        return
+    abilities = draft.desk.abilities
+    still = 0.0 if abilities is None else abilities.still
+    if is_at(position, target) or replies.stands(position, target, still):
         _arrived(draft)
+    elif replies.bare:
+        draft.change(replies=replace(replies, read=position))
+
+
+def _replied(draft: Draft) -> None:
+    """Take a reply that does not say where the plates are: the next read-outs tell whose it is."""
+    desk = draft.desk
+    if desk.abilities is not None and not desk.abilities.reads:
+        _arrived(draft)  # nothing else tells of this instrument that the plates have arrived
+    elif desk.drive_target is not None and not desk.replies.bare:
+        draft.change(replies=replace(desk.replies, bare=True))
 
 
 def _arrived(draft: Draft) -> None:
@@ -180,13 +203,3 @@ def _refused(draft: Draft, reason: str) -> None:
 def _flagged(view: Outlook) -> tuple[Observation[Row], ...]:
     solution = view.solution if view.inner is None else view.inner.solution
     return () if solution is None else solution.flagged
-
-
-def _gap(here: Position, there: Position) -> float:
-    """Return how far two positions are from each other, on the axis where it is most [mm]."""
-    return max(
-        abs(here.xl - there.xl),
-        abs(here.yl - there.yl),
-        abs(here.xr - there.xr),
-        abs(here.yr - there.yr),
-    )

@@ -185,7 +185,15 @@ class Instrument:
     @property
     def abilities(self) -> Abilities:
         """What a desk has to know of it."""
-        return Abilities(self.profile.mono, self.drives, self.moves, self.middle)
+        profile = self.profile
+        return Abilities(
+            mono=profile.mono,
+            drives=self.drives,
+            moves=self.moves,
+            middle=self.middle,
+            still=profile.still,
+            reads=profile.reads,
+        )
 
     def position(self) -> Position | None:
         """Return the live read-out, plate coordinates [mm]; None while there is none."""

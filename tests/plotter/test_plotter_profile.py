@@ -83,6 +83,17 @@ def test_minimal_profile():
     assert check_examples(profile) == []
 
 
+def test_what_a_desk_is_told_of_read_outs():
+    asked, driven, pressed = map(load_profile, ("heidenhain-nd281b", "simulated", "mitutoyo-gauge"))
+    assert (asked.reads, driven.reads, pressed.reads) == (True, True, False)
+    assert read(MINIMAL).reads
+    assert driven.still == pytest.approx(0.003)
+    # in the plate's coordinates, of which one is the difference of two axes
+    stage = "[stage]\nx = { x = 1.0, y = -1.0 }\ny = { y = 1.0 }\n\n[[example]]"
+    turned = changed("[[example]]", stage).replace("[1.0, -2.5]", "[3.5, -2.5]")
+    assert read(turned).still == pytest.approx(0.006)
+
+
 def test_an_example_that_means_something_else_is_told():
     profile = read(changed("[1.0, -2.5]", "[1.0, -2.4]"))
     (problem,) = check_examples(profile)

@@ -235,6 +235,67 @@ def test_a_reply_belongs_to_the_present_drive(bench: Bench, dx: float, arrives: 
     assert bench.desk.standing == arrives
 
 
+def test_a_late_reply_of_a_drive_given_up_ends_no_other(bench: Bench) -> None:
+    bench.give(NextModel())
+    given_up = bench.stands
+    bench.give(Stop())
+    bench.hear(InPosition(given_up))
+    near = replace(given_up, xl=given_up.xl + 0.5, xr=given_up.xr + 0.5)
+    bench.give(Drive(bench.desk.next_name or ""))
+    # as near as points of one place are to each other
+    assert bench.desk.replies.unanswered == (given_up,)
+    bench.desk = replace(
+        bench.desk, drive_target=near, replies=bench.desk.replies.driven(near), errand=9
+    )
+    bench.hear(InPosition(replace(given_up, yl=given_up.yl + 0.01)))
+    assert not bench.desk.standing
+    bench.hear(InPosition(replace(near, yl=near.yl + 0.1)))
+    assert bench.desk.standing
+
+
+def test_driven_again_to_where_it_was_given_up(bench: Bench) -> None:
+    bench.give(NextModel())
+    point = bench.desk.target or ""
+    bench.give(Stop())
+    bench.give(Drive(point))
+    bench.hear(InPosition(replace(bench.stands, yl=bench.stands.yl + 0.3)))
+    assert bench.desk.standing
+    assert bench.desk.target == point
+
+
+def test_a_reply_that_does_not_say_where_the_plates_are_needs_read_outs(bench: Bench) -> None:
+    bench.give(NextModel())
+    at = bench.stands
+    on_the_way = [replace(at, xl=at.xl - dx) for dx in (40.0, 40.0, 20.0, 0.9, 0.5)]
+    # of a drive given up before
+    bench.hear(InPosition())
+    for here in on_the_way:
+        bench.hear(here)
+        assert not bench.desk.standing
+    # they stand, as near as such a drive comes
+    bench.hear(replace(on_the_way[-1], yr=at.yr + 0.002))
+    assert bench.desk.standing
+
+
+def test_without_a_reply_plates_that_stand_beside_have_not_arrived(bench: Bench) -> None:
+    bench.give(NextModel())
+    for _ in range(3):
+        bench.hear(replace(bench.stands, xl=bench.stands.xl - 0.5))
+    assert not bench.desk.standing
+    bench.hear(InPosition())
+    bench.give(Drive(bench.desk.next_name or ""))  # what was said is of the drive before
+    for _ in range(3):
+        bench.hear(replace(bench.stands, xl=bench.stands.xl - 0.5))
+    assert not bench.desk.standing
+
+
+def test_where_nothing_is_read_a_reply_is_all_that_there_is(scene: Scene) -> None:
+    bench = Bench.of(scene.block, Abilities(reads=False), truth=scene.made.truth)
+    bench.give(NextModel())
+    bench.hear(InPosition())
+    assert bench.desk.standing
+
+
 @pytest.mark.parametrize(("dx", "arrives"), [(0.019, True), (0.021, False)])
 def test_a_read_out_at_the_target_ends_a_drive(bench: Bench, dx: float, arrives: bool) -> None:
     bench.give(NextModel())
@@ -248,7 +309,7 @@ def test_a_mark_set_after_an_earlier_drive_does_not_count(bench: Bench) -> None:
     bench.give(NextModel())
     first = bench.begun
     bench.give(Drive(bench.desk.target or ""))
-    bench.hear(InPosition())
+    bench.hear(InPosition(bench.stands))
     bench.hear(MarkSet(first))
     bench.press()
     assert bench.told[-1] == "not recorded: the hand is still setting the mark"
@@ -296,7 +357,7 @@ def test_a_hand_that_was_not_asked_yet_has_set_no_mark(scene: Scene) -> None:
 def test_whoever_takes_the_wheels_sets_the_mark(bench: Bench, command: Command) -> None:
     bench.at_hand()
     bench.give(NextModel())
-    bench.hear(InPosition())
+    bench.hear(InPosition(bench.stands))
     assert not bench.desk.standing
     bench.give(command)
     assert bench.desk.standing
