@@ -51,7 +51,7 @@ __all__ = [
 ROLL_BYTES = 64_000_000
 """Length from which the next record begins a new file."""
 
-_HEADER_KEYS = frozenset(("program", "version", "format"))
+_HEADER_KEYS = frozenset(("program", "version", "format", "goes_on"))
 _NO_SPACE = frozenset((errno.ENOSPC, errno.EDQUOT, errno.EFBIG))
 _COPY_BYTES = 1 << 20
 _BINARY: int = getattr(os, "O_BINARY", 0)
@@ -219,7 +219,7 @@ class Journal:
             end = self._place()
             self._check_usable(end)
             if end.size >= self._roll_bytes:
-                end = self._roll(end)
+                end = self._roll(end, goes_on=True)
             stamp = self._stamp()
             batch = tuple(records)
             if not batch:
@@ -310,10 +310,11 @@ class Journal:
             self._put(end, line, end.seq + 1, durable=True)
         return remarks
 
-    def _new_file(self, number: int, seq: int) -> _Place:
+    def _new_file(self, number: int, seq: int, goes_on: bool = False) -> _Place:
         """Return a new file that holds its header, on disk; there is none after an error."""
         path = self._file(number)
-        line = encode_line(seq + 1, self._stamp(), "header", self._header, durable=True)
+        header = self._header | ({"goes_on": True} if goes_on else {})
+        line = encode_line(seq + 1, self._stamp(), "header", header, durable=True)
         flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_EXCL | _BINARY
         try:
             descriptor = os.open(path, flags, 0o666)
@@ -332,15 +333,15 @@ class Journal:
 
     # -- writing -------------------------------------------------------------------------------
 
-    def _roll(self, end: _Place) -> _Place:
-        """Begin the next file."""
+    def _roll(self, end: _Place, *, goes_on: bool = False) -> _Place:
+        """Begin the next file, in which the session goes on or another one begins."""
         try:
             # Before its successor exists: only the last file may have a torn tail.
             _sync(end.descriptor)
         except OSError as error:
             self._sync_failed(end, error)
             raise self._refusal(end, reason(error)) from error
-        new = self._end = self._new_file(int(end.path.stem) + 1, end.seq)
+        new = self._end = self._new_file(int(end.path.stem) + 1, end.seq, goes_on)
         self._before.append((end.size, end.crc))
         os.close(end.descriptor)
         return new

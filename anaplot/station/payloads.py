@@ -74,6 +74,8 @@ class Opened:
         By which the decoder decided what is a measurement, see `anaplot.plotter.decoder.RULES`.
     simulated
         Whether the instrument was a simulated one.
+    goes_on
+        Whether the session before goes on, in another file.
     """
 
     block_toml: str | None
@@ -85,6 +87,7 @@ class Opened:
     profile_text: str | None
     rules: int
     simulated: bool
+    goes_on: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,6 +187,7 @@ _OPENED: Fields = {
     "profile_text": Blank(_TEXT),
     "rules": Whole(0, 1_000_000),
     "simulated": FLAG,
+    "goes_on": FLAG,
 }
 _TRAFFIC = {"items": ListOf(Made(Items(_TEXT, _TEXT, _TEXT, NUMBER), _heard), "items")}
 _ROWS = ListOf(ListOf(_Value(), "values"), "rows")

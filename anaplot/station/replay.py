@@ -362,7 +362,9 @@ class _Decoding:
         self.position: Position | None = None
 
     def opened(self, said: Opened) -> str | None:
-        """Begin with a fresh decoder, as the link did."""
+        """Begin with a fresh decoder, as the link did; not where a session goes on."""
+        if said.goes_on and self._decoder is not None:
+            return None
         self._decoder = None
         self._records.clear()
         if said.profile is None:

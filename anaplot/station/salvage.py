@@ -150,7 +150,7 @@ class _Fold:
         self._undoable = 0  # events since the last thing that is missing
         self._changed = False  # whether any of them changed a measurement
         self._seq = 0
-        self._header: Mapping[str, Any] = {
+        self._header: dict[str, Any] = {
             "program": "anaplot",
             "version": __version__,
             "format": JOURNAL_FORMAT,
@@ -164,7 +164,9 @@ class _Fold:
             if record.seq in self._lost_before:
                 self._gap()
             if not lines and record.kind != "header":
-                lines.append(self._line(record.time, "header", self._header))
+                # sessions begin another file in their midst, as a rule
+                header = self._header | ({"goes_on": True} if self._seq else {})
+                lines.append(self._line(record.time, "header", header))
             lines.extend(self._taken(record, first=not lines))
         return b"".join(lines)
 
@@ -196,7 +198,7 @@ class _Fold:
             self.left_out.append(str(error))
             return []
         if record.kind in OPENING:
-            self._header = record.payload
+            self._header = dict(record.payload)
         self.brought += 1
         return lines
 

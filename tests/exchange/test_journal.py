@@ -120,6 +120,9 @@ def test_the_sequence_runs_on_through_the_files(block):
     seqs = [line["seq"] for name in names for line in lines(block, name)]
     assert seqs == list(range(1, len(seqs) + 1))
     assert {lines(block, name)[0]["kind"] for name in names} == {"header"}
+    # in the midst of a session, but for the first
+    goes_on = [lines(block, name)[0].get("goes_on", False) for name in names]
+    assert goes_on == [False] + [True] * (len(names) - 1)
     assert events_of(read_journal(block).records) == tuple(measured(n) for n in range(20))
     assert read_journal(block / "sessions") == read_journal(block)
     single = read_journal(block / "sessions" / names[2])
@@ -129,6 +132,7 @@ def test_the_sequence_runs_on_through_the_files(block):
     with journal:
         assert len(events_of(recovered.records)) == 20
         assert int(journal.path.stem) == len(names) + 1
+        assert "goes_on" not in lines(block, journal.path.name)[0]
 
 
 def test_only_the_wanted_kinds_are_kept(block):

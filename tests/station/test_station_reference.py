@@ -130,6 +130,22 @@ def test_counters_that_begin_elsewhere_are_moved(tmp_path: Path, undisturbed) ->
     assert replayed.tables > 0
 
 
+def test_counters_are_moved_in_a_session_of_many_files(tmp_path: Path) -> None:
+    bench = bench_in(tmp_path / "block", photos=2)
+    with bench.stack:
+        station, watch = open_on(bench, DISPLAYS)
+        begin(station, watch, 3)
+        cut(station, watch, power=True)
+        station._journal._roll_bytes = 1
+        finish(station)
+        watch.heard("the counters are moved by x'")
+        station.close()
+    assert len(list((bench.folder / "sessions").glob("*.jsonl"))) > 3
+    replayed = replay_session(bench.folder)
+    assert replayed.differences == ()
+    assert replayed.measurements >= 13
+
+
 def test_pointings_that_disagree_are_forgotten(tmp_path: Path) -> None:
     bench = bench_in(tmp_path / "block")
     with bench.stack:
