@@ -109,7 +109,7 @@ class Journal:
         *,
         clock: Callable[[], float] = time.time,
         keep: Keep | None = None,
-        accept: Callable[[Recovered], None] | None = None,
+        accept: Callable[[Recovered], Mapping[str, Any] | None] | None = None,
         choose: Choice | None = None,
         roll_bytes: int = ROLL_BYTES,
     ) -> tuple[Self, Recovered]:
@@ -128,7 +128,7 @@ class Journal:
             Which kinds of records are wanted in what is recovered (all, when left out).
         accept
             Called with what is recovered before anything is written; what it raises leaves the
-            journal as it was.
+            journal as it was, and what it returns is said in the header, too.
         choose
             Chooses the snapshot behind which records are wanted; None: all records are.
         roll_bytes
@@ -159,7 +159,8 @@ class Journal:
             scan = scan_folder(sessions, keep, choose)
             if accept is not None:
                 with _telling_tail(scan.files):
-                    accept(Recovered(scan.records, (), scan.snapshot))
+                    said = accept(Recovered(scan.records, (), scan.snapshot))
+                journal._header |= said or {}
             remarks = [*scan.remarks, *journal._begin(scan.files)]
         except BaseException:
             journal._leave()

@@ -56,10 +56,20 @@ class Conversation:
         self.event_time = 0.0
         """The time [s] that the decoder is given with what is being told."""
 
-    def begin(self, *, referenced: bool) -> None:
-        """Begin anew; `referenced` says whether the counters' origin is known."""
+    def begin(self, *, referenced: bool, shift: Position | None = None) -> None:
+        """Begin anew.
+
+        Parameters
+        ----------
+        referenced
+            Whether the counters' origin is known.
+        shift
+            By how much they are moved from the beginning [mm]; whoever opens the line tells it.
+        """
         with self._lock:
             self.decoder = Decoder(self._profile, speed_limits=self._speed_limits)
+            if shift is not None:
+                self.decoder.move(shift)
             self._latest = None
             if not referenced:
                 self.reopened("")

@@ -290,6 +290,10 @@ class Decoder:
         """
         return self._origin.refer(known)
 
+    def move(self, shift: Position) -> None:
+        """Take it that the counters are to be moved by so much [mm], wherever they stand."""
+        self._origin.move(shift)
+
     def confirm_reference(self) -> None:
         """Take the counters as they are: they kept their origin."""
         self._origin.known = True

@@ -95,7 +95,7 @@ class Link:
 
     # -- life -----------------------------------------------------------------------------
 
-    def open(self, *, referenced: bool = True) -> None:
+    def open(self, *, referenced: bool = True, shift: Position | None = None) -> None:
         """Open every port and start reading.
 
         Parameters
@@ -103,6 +103,8 @@ class Link:
         referenced
             Whether the counters' origin is known. When it is not, positions of incremental
             counters are refused until a reference was measured.
+        shift
+            By how much the counters are moved from the beginning [mm], as they were before.
 
         Raises
         ------
@@ -115,7 +117,7 @@ class Link:
             if self._lines:
                 raise InputError("the link is open already")
             self._stop = threading.Event()
-            self._conversation.begin(referenced=referenced)
+            self._conversation.begin(referenced=referenced, shift=shift)
         self._announce("opening", "")
         lines: dict[str, PortLine] = {}
         try:

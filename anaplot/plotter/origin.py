@@ -34,6 +34,10 @@ class Origin:
         """Take it that the origin is lost."""
         self.known = False
 
+    def move(self, shift: Position) -> None:
+        """Take it that the counters are to be moved by so much [mm], wherever they stand."""
+        self._shift = self._stage.plates(shift)
+
     def forget(self) -> None:
         """Forget where the carriages stood."""
         self._counted = None

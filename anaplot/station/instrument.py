@@ -117,9 +117,9 @@ class Instrument:
         middle = tuple((low + high) / 2.0 for low, high in travel.values())
         return stage.position(stage.to_plate(middle))
 
-    def open(self, *, referenced: bool = True) -> None:
-        """Open the link; `referenced` says whether the counters' origin is known."""
-        self.link.open(referenced=referenced)
+    def open(self, *, referenced: bool = True, shift: Position | None = None) -> None:
+        """Open the link; see `anaplot.plotter.link.Link.open`."""
+        self.link.open(referenced=referenced, shift=shift)
 
     def recall(self, pointed: Targets) -> None:
         """Take it that things were pointed at so often in the sessions before."""

@@ -43,6 +43,7 @@ __all__ = [
     "inner_table_of",
     "opened_by",
     "refusal",
+    "shift_of",
     "table_of",
 ]
 
@@ -74,6 +75,8 @@ class Opened:
         By which the decoder decided what is a measurement, see `anaplot.plotter.decoder.RULES`.
     simulated
         Whether the instrument was a simulated one.
+    shift
+        By how much its counters were moved from the beginning [mm], or None.
     goes_on
         Whether the session before goes on, in another file.
     """
@@ -87,6 +90,7 @@ class Opened:
     profile_text: str | None
     rules: int
     simulated: bool
+    shift: Position | None = None
     goes_on: bool = False
 
 
@@ -177,6 +181,7 @@ def _heard(parts: tuple[str, str, str, float]) -> Heard:
 
 
 _PATTERN_POINT = Made(Items(NAME, NUMBER, NUMBER, FLAG), lambda parts: PatternPoint(*parts))
+_SHIFT = Made(Items(NUMBER, NUMBER, NUMBER, NUMBER), lambda parts: Position(*parts))
 _OPENED: Fields = {
     "block_toml": Blank(_TEXT),
     "camera_files": MapOf(_TEXT, _TEXT),
@@ -187,6 +192,7 @@ _OPENED: Fields = {
     "profile_text": Blank(_TEXT),
     "rules": Whole(0, 1_000_000),
     "simulated": FLAG,
+    "shift": _SHIFT,
     "goes_on": FLAG,
 }
 _TRAFFIC = {"items": ListOf(Made(Items(_TEXT, _TEXT, _TEXT, NUMBER), _heard), "items")}
@@ -223,6 +229,20 @@ def opened_by(record: JournalRecord) -> Opened:
             **_read(record, {}, _OPENED),
         }
     )
+
+
+def shift_of(record: JournalRecord) -> Position | None:
+    """Return by how much a "referenced" record says that counters are moved [mm] now.
+
+    None where they count as they did before.
+
+    Raises
+    ------
+    InputError
+        It says something else, with file and line.
+    """
+    shift: Position | None = _read(record, {}, {"shift": _SHIFT}).get("shift")
+    return shift
 
 
 def heard_in(record: JournalRecord) -> tuple[Heard, ...]:

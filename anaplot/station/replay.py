@@ -373,6 +373,8 @@ class _Decoding:
         try:
             profile = recorded_profile(said.profile, said.profile_sha256, said.profile_text)
             self._decoder = Decoder(profile, rules=said.rules, speed_limits=not said.simulated)
+            if said.shift is not None:
+                self._decoder.move(said.shift)
         except AnaplotError as error:
             return f"profile {name}: {error}"
         if said.profile_sha256 != profile.sha256:

@@ -25,6 +25,7 @@ from anaplot.orientation.suitability import pattern_verdict
 from anaplot.photogrammetry.block import Block
 from anaplot.planning.modelplan import Candidates
 from anaplot.plotter.ports import UNCHECKED
+from anaplot.plotter.readings import Position
 from anaplot.session.commanding import decide
 from anaplot.session.commands import Command, TurnWheels
 from anaplot.session.desk import DEFAULT_PATTERN, Desk
@@ -167,11 +168,11 @@ class Station(Commanded):
                 auto_drive=auto_drive,
             )
             told = (pattern_verdict(point_pattern), told_decisions(taken_up.decided))
-            for remark in filter(None, (*recovered.remarks, *told)):
+            for remark in filter(None, (*recovered.remarks, *told, taken_up.moved)):
                 self._news.tell("warning", remark)
             self._write_points()
             if self._instrument is not None:
-                self._open(self._instrument, past.pointed)
+                self._open(self._instrument, past.pointed, taken_up.shift)
             undo.pop_all()
         self._tell_watch()
         self._snapshot = self._picture()
@@ -179,14 +180,14 @@ class Station(Commanded):
         self._worker = Worker(self._inbox, self._take, self._refused, self._fail)
         self._worker.thread.start()
 
-    def _open(self, instrument: Instrument, pointed: Targets) -> None:
+    def _open(self, instrument: Instrument, pointed: Targets, shift: Position | None) -> None:
         self._link = LinkView(
             "opening", instrument.profile.id, instrument.port, instrument.simulated
         )
         instrument.recall(pointed)
         known = references(self._desk.state)[1]
         # counters may have been off since: nothing they say is believed unchecked
-        instrument.open(referenced=not (instrument.profile.incremental and known))
+        instrument.open(referenced=not (instrument.profile.incremental and known), shift=shift)
         if instrument.unchecked_parity:
             self._link = replace(self._link, parity_unchecked=True)
             self._news.tell("warning", UNCHECKED)

@@ -10,9 +10,12 @@ from typing import Any
 from anaplot.exchange.blockfolder import image_points_digest
 from anaplot.exchange.journal import Journal, Recovered
 from anaplot.exchange.journalkinds import is_event
+from anaplot.photogrammetry.readings import Position
 from anaplot.session.events import DecisionsTakenOver
+from anaplot.session.referencing import in_words
 from anaplot.session.state import start
 from anaplot.station.edited import check_unedited, written_once
+from anaplot.station.lastshift import last_shift
 from anaplot.station.pointsfile import BlockRead, PointsFile
 from anaplot.station.rejectedelsewhere import elsewhere
 from anaplot.station.restored import Past, choice_for, past_of
@@ -41,6 +44,9 @@ class TakenUp:
         That part of it: what the journal does not say yet.
     points
         The file image_points.csv, and what of it is the session's own.
+    shift
+        By how much the counters of the instrument are moved [mm], as they were when its last
+        session ended; None: they count as they are.
     """
 
     def __init__(self, folder: Path, read: BlockRead) -> None:
@@ -50,9 +56,22 @@ class TakenUp:
         self.past = Past((), 0, start(read.block), frozenset())
         self.decided: tuple[DecisionsTakenOver, ...] = ()
         self.points = PointsFile(folder, read, ())
+        self.shift: Position | None = None
+        self._profile: str | None = None
+
+    @property
+    def moved(self) -> str:
+        """That the counters are moved as before, in one line, or ""."""
+        by = self.shift
+        if by is None:
+            return ""
+        alike = (by.xl, by.yl) == (by.xr, by.yr)  # as those of one carriage are
+        return f"the counters are moved as before: {in_words(by, mono=alike)}"
 
     def open(self, header: Mapping[str, Any]) -> tuple[Journal, Recovered]:
         """Open the journal, and take up what it says; errors as `Journal.open` and `take`."""
+        # the device of a simulation begins anew, too
+        self._profile = None if header.get("simulated") else header.get("profile")
         return Journal.open(
             self._folder,
             header,
@@ -61,8 +80,8 @@ class TakenUp:
             choose=choice_for(self.block),
         )
 
-    def take(self, recovered: Recovered) -> None:
-        """Take up the session where its journal ends.
+    def take(self, recovered: Recovered) -> dict[str, Any]:
+        """Take up the session where its journal ends; returns what its header says of that.
 
         Raises
         ------
@@ -83,6 +102,10 @@ class TakenUp:
             count=past.count + len(new),
             state=said if new else past.state,
         )
+        if self._profile is not None:
+            self.shift = last_shift(self._folder, self._profile)
+        by = self.shift
+        return {} if by is None else {"shift": [by.xl, by.yl, by.xr, by.yr]}
 
     def _read_again(self) -> None:
         """Read image_points.csv again where it was written before the lock was had."""
