@@ -11,6 +11,7 @@ import anaplot
 from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.hypotheses.doming import bend_weights, doming
 from anaplot.bundle.solve.crosscofactors import coordinate_cofactors
+from anaplot.bundle.solve.selection import NO_ANGLE
 from anaplot.photogrammetry.block import (
     Block,
     Camera,
@@ -232,3 +233,12 @@ def test_places_on_a_line_or_a_circle_have_no_bend() -> None:
     square = ((xy - xy.mean(axis=0)) ** 2).sum(axis=1)
     heights = 5.0 + 0.01 * xy[:, 0] - 0.2 * xy[:, 1] - 2.0 * square / radius**2
     assert weights @ heights == pytest.approx(2.0)
+
+
+@pytest.mark.slow
+def test_a_point_of_parallel_rays_ends_no_calibration() -> None:
+    block = flown(TRUE, tilt=0.0)
+    sky = tuple(ImagePoint(photo, "sky", 20.0, 10.0) for photo in ("101", "102", "103"))
+    rows = (*block.image_points, *sky)
+    result = anaplot.adjust(replace(block, image_points=rows), calibrate="k1,k2")
+    assert result.result.block.problem.undetermined == {"sky": NO_ANGLE}

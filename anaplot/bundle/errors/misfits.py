@@ -24,7 +24,7 @@ from anaplot.bundle.solve.gaussnewton import (
     find_minimum,
     led_by_factor,
 )
-from anaplot.bundle.solve.imaging import BlockState, RobustPlace
+from anaplot.bundle.solve.imaging import BlockState, RobustPlace, without_additional
 from anaplot.bundle.solve.linearised import counted_misclosures, linearise
 from anaplot.bundle.solve.normal import NormalEquations, PointError
 from anaplot.bundle.solve.observations import ObservationName
@@ -156,7 +156,7 @@ def adjust_without_misfits(
     what_is_wrong(problem, start, None)
     # orientations do not wait for additional parameters
     bare = problem.bare
-    start = replace(start, own=start.own[:, :0], shared=start.shared[:0])
+    start = without_additional(start)
     structure = make_structure(bare, start.centres)
     try:
         least = minimum_without_misfits(bare, structure, RobustPlace(start), progress=progress)

@@ -21,6 +21,7 @@ __all__ = [
     "imaged_with_derivatives",
     "seen_places",
     "with_additional",
+    "without_additional",
 ]
 
 
@@ -75,6 +76,11 @@ def with_additional(problem: Problem, state: BlockState) -> BlockState:
         own=given if own else np.zeros((len(problem.photos), 0)),
         shared=np.zeros(0) if own else given.ravel(),
     )
+
+
+def without_additional(state: BlockState) -> BlockState:
+    """Return a state for the bundle without additional parameters."""
+    return replace(state, own=state.own[:, :0], shared=state.shared[:0])
 
 
 class Imaged(NamedTuple):

@@ -12,7 +12,7 @@ import numpy as np
 
 from anaplot.aliases import Array, Bools
 from anaplot.bundle.solve.gaussnewton import NoConvergenceError
-from anaplot.bundle.solve.imaging import BlockState
+from anaplot.bundle.solve.imaging import BlockState, without_additional
 from anaplot.bundle.solve.openmovement import LeftOpenError
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.remade import among_points, without_points
@@ -65,7 +65,7 @@ def without_parallel(
         if smaller.photos != problem.photos:
             return None
         if not isinstance(error, LostPointsError):
-            return smaller, among_points(problem, smaller, error.state)
+            return smaller, among_points(problem, smaller, without_additional(error.state))
         there = error.subblock
         kept = SubBlock(there.centres, there.rotations, there.points[~out])
         return smaller, state_of(smaller.bare, kept)
