@@ -22,7 +22,8 @@ from anaplot.bundle.solve.datum import components
 from anaplot.bundle.solve.gaussnewton import find_minimum
 from anaplot.bundle.solve.knownvalues import known_values
 from anaplot.bundle.solve.linearised import linearise, move, objective
-from anaplot.bundle.solve.problem import SEVEN, Datum, Problem, make_problem, remeasured
+from anaplot.bundle.solve.problem import SEVEN, Datum, Problem, make_problem
+from anaplot.bundle.solve.remade import remeasured
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import Block
 

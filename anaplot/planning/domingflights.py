@@ -26,7 +26,8 @@ from anaplot.bundle.solve.factor import NotPositiveError
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.normal import PointError
 from anaplot.bundle.solve.parameternames import parameter_names
-from anaplot.bundle.solve.problem import Problem, make_problem
+from anaplot.bundle.solve.problem import Problem
+from anaplot.bundle.solve.remade import laid_out_like, with_rejected_of, without_same
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import Block, ControlPoint, ImagePoint, Photo
 from anaplot.photogrammetry.collinearity import project, turns
@@ -202,18 +203,9 @@ def _with_photos(
         ]
     if not photos:
         return None
-    larger = replace(block, photos=(*block.photos, *photos), image_points=(*_kept(problem), *rows))
+    every = (*block.image_points, *rows)
+    larger = replace(block, photos=(*block.photos, *photos), image_points=every)
     return _laid_out(problem, state, larger, centres, rotations)
-
-
-def _kept(problem: Problem) -> list[ImagePoint]:
-    """Return the block's rows; what was rejected is off."""
-    rows = list(problem.block.image_points)
-    for ray in np.flatnonzero(problem.newly_rejected.any(axis=1)).tolist():
-        out = {axis for axis, away in zip("xy", problem.newly_rejected[ray], strict=True) if away}
-        k = int(problem.source[ray])
-        rows[k] = replace(rows[k], use=rows[k].use_without(out))
-    return rows
 
 
 def _with_control(found: Doming, middle: int) -> tuple[Problem, BlockState] | None:
@@ -224,8 +216,14 @@ def _with_control(found: Doming, middle: int) -> tuple[Problem, BlockState] | No
     name = problem.points[middle]
     others = tuple(row for row in block.control if row.point != name)
     mine = ControlPoint(name, (x, y, z), (sigma,) * 3)
-    larger = replace(block, control=(*others, mine), image_points=tuple(_kept(problem)))
-    return _laid_out(problem, state, larger, {}, {})
+    larger = replace(block, control=(*others, mine))
+    laid = _laid_out(problem, state, larger, {}, {})
+    if laid is None:
+        return None
+    trial, there = laid
+    known = trial.known_sigma.copy()
+    known[trial.points.index(name)] = sigma  # as the others weigh, whatever they state
+    return replace(trial, known_sigma=known), there
 
 
 def _laid_out(
@@ -235,11 +233,15 @@ def _laid_out(
     centres: dict[str, Array],
     rotations: dict[str, Array],
 ) -> tuple[Problem, BlockState] | None:
-    """Return the bundle of a larger block, and its state from that of the block."""
+    """Return the bundle of a larger block, and its state from that of the block.
+
+    Weights are those of the block's bundle, and what that is without is left out as well.
+    """
     try:
-        trial = make_problem(larger, datum=problem.datum, additional=problem.additional)
+        trial = laid_out_like(problem, larger, problem.undetermined)
     except NotComputableError:
         return None
+    trial = with_rejected_of(without_same(trial, problem), problem)
     for k, name in enumerate(problem.photos):
         centres[name], rotations[name] = state.centres[k], state.rotations[k]
     at = {name: k for k, name in enumerate(problem.points)}

@@ -9,12 +9,17 @@ import numpy as np
 import pytest
 from bundleblocks import aerial
 from denseblock import dense
+from gnssblocks import flown
 
 from anaplot.bundle.adjust import adjust_block
+from anaplot.bundle.hypotheses.components import block_components
+from anaplot.bundle.hypotheses.offsetadvice import offset_advice
 from anaplot.bundle.hypotheses.priorknowledge import prior_estimate
 from anaplot.bundle.solve.additional import additional_parameters
 from anaplot.bundle.solve.linearised import linearise
+from anaplot.bundle.solve.remade import laid_out_again, with_given_back, without_points
 from anaplot.errors import InputError
+from anaplot.photogrammetry.prioroffsets import PriorOffsets
 
 ESTIMATORS = ("known", "common", "separate")
 
@@ -144,3 +149,52 @@ def test_a_block_of_a_hundred_photos():
     # four standard deviations of a chi-square of the redundancy
     for group, true in ((found.image, 1.0), (found.prior, 4.0)):
         assert abs(group.factor / true - 1.0) < 4.0 * np.sqrt(2.0 / group.redundancy)
+
+
+@pytest.mark.parametrize("image", [1.0, 8.0])
+def test_offsets_are_advised_with_the_weights_that_were_estimated(image):
+    # with the stated weights of images that were eight times as good nothing would be advised
+    block = flown(PriorOffsets(), seed=1, angles=False).scene.block
+    off = np.array([0.3, -0.3, 0.3])
+    photos = tuple(
+        replace(photo, position=tuple((np.array(photo.position) + off).tolist()))
+        for photo in block.photos
+    )
+    precision = replace(block.precision, image_um=block.precision.image_um / image)
+    stated = adjust_block(replace(block, photos=photos, offsets=None, precision=precision))
+    found = prior_estimate(stated, "separate").block
+    # as many as make it ask with all that is given: here nothing of that was left out
+    rejected = [("control", row.point, "Z") for row in block.control[:4]]
+    [advice] = offset_advice(found, rejected)
+    [same] = offset_advice(found)
+    assert advice.falls == pytest.approx(same.falls, rel=1e-5)
+    assert advice.vtpv == pytest.approx(same.vtpv, rel=1e-5)
+
+
+@pytest.mark.parametrize("grouping", ["axes", "strips", None])
+def test_what_is_laid_out_anew_keeps_estimated_weights(grouping):
+    stated = adjusted(prior_noise=3.0, additional=additional_parameters("ebner", 5.0))
+    if grouping is None:
+        problem = prior_estimate(stated, "separate").block.problem
+        assert problem.estimated.additional > 1.5
+    else:
+        problem = block_components(stated, grouping).block.problem
+        assert np.ptp(problem.sigma_xy) > 0.0
+    assert problem.estimated.position > 1.5
+    rays = {one: k for k, one in enumerate(problem.source.tolist())}
+    place = {name: k for k, name in enumerate(problem.points)}
+    gone = problem.points[:2]
+    for anew in (
+        laid_out_again(problem, problem.block),
+        with_given_back(problem),
+        without_points(problem, gone),
+    ):
+        its = [rays[k] for k in anew.source.tolist()]
+        np.testing.assert_allclose(anew.sigma_xy, problem.sigma_xy[its], rtol=1e-12)
+        mine = [place[name] for name in anew.points]
+        np.testing.assert_allclose(anew.known_sigma, problem.known_sigma[mine], rtol=1e-12)
+        for key in ("position_sigma", "rotation_sigma"):
+            np.testing.assert_allclose(getattr(anew, key), getattr(problem, key), rtol=1e-12)
+        # what a sigma as an effect in the image is hangs on which rays there are
+        np.testing.assert_allclose(anew.additional_sigma, problem.additional_sigma, rtol=0.02)
+        assert anew.estimated == problem.estimated

@@ -25,6 +25,7 @@ from anaplot.photogrammetry.camera import BrownLens
 from anaplot.photogrammetry.collinearity import project
 from anaplot.photogrammetry.measuredimage import ideal_rays, measured_rays
 from anaplot.photogrammetry.rotation import rotation_matrix
+from anaplot.planning.domingflights import doming_flights
 
 TRUE = BrownLens(k1=0.02)
 SIGMA = 0.05  # m, of control and check points
@@ -236,9 +237,58 @@ def test_places_on_a_line_or_a_circle_have_no_bend() -> None:
 
 
 @pytest.mark.slow
-def test_a_point_of_parallel_rays_ends_no_calibration() -> None:
+def test_flights_have_the_weights_that_were_estimated() -> None:
+    """Images eight times as wrong as stated, and control a fifth: the same as stated rightly."""
+    block = flown(TRUE)
+    control = tuple(replace(row, use="control") for row in block.control)
+    right = replace(block, control=control)
+    wrong = replace(
+        right,
+        precision=replace(block.precision, image_um=3.0 / 8.0),
+        control=tuple(replace(row, sigma=(5.0 * SIGMA,) * 3) for row in control),
+    )
+    one, other = (
+        anaplot.adjust(stated, calibrate="c,k1,k2", prior="separate").result.block
+        for stated in (right, wrong)
+    )
+    mine, its = (doming_flights(doming(each), each.sigma) for each in (one, other))
+    assert len(mine) == 5
+    assert [flight.kind for flight in its] == [flight.kind for flight in mine]
+    assert [flight.bend for flight in its] == pytest.approx([flight.bend for flight in mine], 1e-3)
+    for this, that in zip(mine, its, strict=True):
+        assert that.s == pytest.approx(this.s, rel=1e-3)
+
+
+@pytest.mark.slow
+def test_flights_are_without_what_was_rejected() -> None:
+    block = flown(TRUE, tilt=0.05)
+    control = [replace(row, use="control") for row in block.control[:12]]
+    off = control[5]
+    control[5] = replace(off, xyz=(*off.xyz[:2], off.xyz[2] + 5.0))
+    found = anaplot.adjust(
+        replace(block, control=tuple(control)), calibrate="c,k1,k2", errors="search"
+    ).result
+    assert [one.name for one in found.rejected] == [("control", off.point, "Z")]
+    control[5] = replace(off, xyz=(*off.xyz[:2], None))
+    bare = anaplot.adjust(replace(block, control=tuple(control)), calibrate="c,k1,k2").result
+    mine, its = (
+        doming_flights(doming(one.block), one.block.sigma) for one in (found, bare)
+    )  # fmt: skip
+    assert len(mine) == 5
+    assert [flight.kind for flight in its] == [flight.kind for flight in mine]
+    assert [flight.bend for flight in its] == pytest.approx([flight.bend for flight in mine], 1e-6)
+
+
+@pytest.mark.slow
+def test_a_point_of_parallel_rays_ends_neither_calibration_nor_flights() -> None:
     block = flown(TRUE, tilt=0.0)
     sky = tuple(ImagePoint(photo, "sky", 20.0, 10.0) for photo in ("101", "102", "103"))
     rows = (*block.image_points, *sky)
     result = anaplot.adjust(replace(block, image_points=rows), calibrate="k1,k2")
     assert result.result.block.problem.undetermined == {"sky": NO_ANGLE}
+    answers = (
+        one.to_dict()["doming"] for one in (result, anaplot.adjust(block, calibrate="k1,k2"))
+    )
+    mine, its = ([one["bend"] for one in answer["flights"]] for answer in answers)
+    assert len(mine) == 5
+    assert mine == pytest.approx(its, rel=1e-4)

@@ -273,6 +273,7 @@ def _as_adjusted(trial: Problem, adjusted: Problem) -> Problem:
         with_rows_of(trial, adjusted),
         sigma=adjusted.sigma,
         axis_factor=adjusted.axis_factor,
+        estimated=adjusted.estimated,
         conditions=adjusted.conditions,
     )
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -12,10 +11,12 @@ from anaplot.adjustment.variancecomponents import GroupSums
 from anaplot.aliases import Array, Index, Progress
 from anaplot.bundle.adjust import evaluate
 from anaplot.bundle.solve.adjusted import AdjustedBlock
+from anaplot.bundle.solve.estimatedfactors import EstimatedFactors
 from anaplot.bundle.solve.gaussnewton import Minimum, equations_at, find_minimum
 from anaplot.bundle.solve.linearised import Linearised
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.reliability import Cofactors, compute_cofactors
+from anaplot.bundle.solve.remade import with_variances
 
 __all__ = ["GroupedBlock", "ObservationGroups"]
 
@@ -45,21 +46,8 @@ class ObservationGroups(NamedTuple):
     def weighted(self, problem: Problem, factors: Array) -> Problem:
         """Return the problem with the variances of the groups multiplied by (k,) factors."""
         scale = np.sqrt(factors)
-        factor = scale[self.image]
-        if problem.axis_factor is not None:
-            factor = factor * problem.axis_factor
-        control, expected, position, rotation, additional = (
-            1.0 if group is None else float(scale[group]) for group in self[2:]
-        )
-        return replace(
-            problem,
-            axis_factor=factor,
-            known_sigma=problem.known_sigma * control,
-            expected_sigma=problem.expected_sigma * expected,
-            position_sigma=problem.position_sigma * position,
-            rotation_sigma=problem.rotation_sigma * rotation,
-            additional_sigma=problem.additional_sigma * additional,
-        )
+        others = (1.0 if group is None else float(scale[group]) for group in self[2:])
+        return with_variances(problem, scale[self.image], EstimatedFactors(*others))
 
     def squares(self, linear: Linearised) -> Array:
         """Return (k,) sums v'Pv."""

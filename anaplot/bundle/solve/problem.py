@@ -21,6 +21,7 @@ from anaplot.bundle.solve.beforehand import (
     stated_orientations,
 )
 from anaplot.bundle.solve.conditions import Conditions, lay_out_conditions
+from anaplot.bundle.solve.estimatedfactors import EstimatedFactors
 from anaplot.bundle.solve.givenprior import GivenPrior, locate
 from anaplot.bundle.solve.laidoffsets import LaidOffsets, lay_out_offsets
 from anaplot.bundle.solve.laidparameters import lay_out_parameters
@@ -36,7 +37,7 @@ from anaplot.photogrammetry.imagepoints import columns_of
 from anaplot.photogrammetry.pointcolumns import PointColumns
 from anaplot.photogrammetry.rotation import rotation_matrix
 
-__all__ = ["SEVEN", "Datum", "Problem", "listed", "make_problem", "of_rays", "remeasured"]
+__all__ = ["SEVEN", "Datum", "Problem", "listed", "make_problem", "of_rays"]
 
 Datum = Literal["control", "minimal", "free"]
 
@@ -131,6 +132,9 @@ class Problem:
     undetermined
         Points that are left out because their rays do not determine them, and why; None where that
         has not been looked at.
+    estimated
+        What the standard deviations are multiplied by because variances were estimated, or None:
+        they are those that the block states.
     """
 
     block: Block = field(repr=False)
@@ -191,6 +195,7 @@ class Problem:
     lever_arm: Array | None = field(default=None, repr=False)
     offsets: LaidOffsets | None = field(default=None, repr=False)
     undetermined: Mapping[str, str] | None = field(default=None, repr=False)
+    estimated: EstimatedFactors | None = None
 
     @property
     def bare(self) -> Problem:
@@ -542,24 +547,6 @@ def _photos_of(block: Block, rows: PointColumns, number: Mapping[str, int]) -> I
         stray = block.image_points[int((photo < 0).argmax())]
         raise InputError(f"image point {stray.point}: unknown photo {stray.photo}")
     return photo
-
-
-def remeasured(problem: Problem, block: Block, ideal: Array) -> Problem:
-    """Return a bundle with other image coordinates.
-
-    Parameters
-    ----------
-    problem
-        The bundle, without additional parameters: those belong to what is measured.
-    block
-        The block that has them.
-    ideal
-        (m, 2) image coordinates without their lenses [mm].
-    """
-    if problem.stated_lens is None:
-        return replace(problem, block=block, xy=ideal)
-    xy = measured_xy(block, problem.cameras[problem.photo], ideal)
-    return replace(problem, block=block, xy=xy, without_lens=ideal)
 
 
 def of_rays(problem: Problem, rays: Index | Bools | slice) -> Problem:

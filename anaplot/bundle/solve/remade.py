@@ -1,14 +1,19 @@
-"""Bundles laid out anew: of a changed block, or without some points; what takes part stays."""
+"""Bundles laid out anew: of a changed block, or without some points.
+
+What takes part stays, and so do weights that were estimated: a block states the others.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from anaplot.aliases import Index
+from anaplot.aliases import Array, Index
+from anaplot.bundle.solve.estimatedfactors import EstimatedFactors
 from anaplot.bundle.solve.imaging import BlockState
+from anaplot.bundle.solve.measuredrays import measured_xy
 from anaplot.bundle.solve.problem import Problem, make_problem
 from anaplot.bundle.solve.selection import FAR_APART, HALF_RAYS, NO_ANGLE
 from anaplot.photogrammetry.block import Block, ImagePoint
@@ -16,9 +21,12 @@ from anaplot.photogrammetry.block import Block, ImagePoint
 __all__ = [
     "among_points",
     "laid_out_again",
+    "laid_out_like",
+    "remeasured",
     "with_given_back",
     "with_priors_of",
     "with_rejected_of",
+    "with_variances",
     "without_points",
     "without_same",
 ]
@@ -43,13 +51,97 @@ def laid_out_again(problem: Problem, block: Block) -> Problem:
     if out:
         before, now = (_rows_of(one, out) for one in (problem.block, block))
         out = {name: why for name, why in out.items() if before[name] == now[name]}
+    return without_same(laid_out_like(problem, block, out or None), problem)
+
+
+def laid_out_like(
+    problem: Problem, block: Block, undetermined: Mapping[str, str] | None
+) -> Problem:
+    """Lay out a block in the datum of a bundle, with its parameters and its estimated weights.
+
+    Parameters
+    ----------
+    problem
+        The bundle.
+    block
+        Nearly its block.
+    undetermined
+        As `make_problem` has it.
+
+    Raises
+    ------
+    InputError, NotComputableError
+        As `make_problem`.
+    """
     anew = make_problem(
-        block,
-        datum=problem.datum,
-        additional=problem.additional,
-        undetermined=out or None,
+        block, datum=problem.datum, additional=problem.additional, undetermined=undetermined
     )
-    return without_same(anew, problem)
+    if problem.axis_factor is None and problem.estimated is None:
+        return anew
+    return with_variances(anew, _image_factors(anew, problem), problem.estimated)
+
+
+def _image_factors(problem: Problem, other: Problem) -> Array:
+    """(m, 2) factors of image coordinates as another bundle has them.
+
+    They are estimated of whole photos, whose rays may be others now. Those of photos that it has
+    not are as all of its are.
+    """
+    if other.axis_factor is None:
+        return np.ones((len(problem.photo), 2))
+    squares, n = other.axis_factor**2, len(other.photos)
+    rays = np.bincount(other.photo, minlength=n)
+    sums = np.column_stack([np.bincount(other.photo, one, minlength=n) for one in squares.T])
+    out = np.tile(squares.mean(axis=0), (len(problem.photos), 1))
+    mine, its = _in_both(problem.photos, other.photos)
+    out[mine] = (sums / rays[:, None])[its]
+    return np.asarray(np.sqrt(out)[problem.photo])
+
+
+def with_variances(problem: Problem, image: Array, factors: EstimatedFactors | None) -> Problem:
+    """Return a bundle with other standard deviations.
+
+    Parameters
+    ----------
+    problem
+        The bundle.
+    image
+        (m, 2) factors of those of its image coordinates.
+    factors
+        Of all others; None: they stay.
+    """
+    before = problem.axis_factor
+    problem = replace(problem, axis_factor=image if before is None else image * before)
+    if factors is None:
+        return problem
+    known = problem.estimated or EstimatedFactors()
+    return replace(
+        problem,
+        known_sigma=problem.known_sigma * factors.control,
+        expected_sigma=problem.expected_sigma * factors.expected,
+        position_sigma=problem.position_sigma * factors.position,
+        rotation_sigma=problem.rotation_sigma * factors.rotation,
+        additional_sigma=problem.additional_sigma * factors.additional,
+        estimated=EstimatedFactors(*(a * b for a, b in zip(known, factors, strict=True))),
+    )
+
+
+def remeasured(problem: Problem, block: Block, ideal: Array) -> Problem:
+    """Return a bundle with other image coordinates.
+
+    Parameters
+    ----------
+    problem
+        The bundle, without additional parameters: those belong to what is measured.
+    block
+        The block that has them.
+    ideal
+        (m, 2) image coordinates without their lenses [mm].
+    """
+    if problem.stated_lens is None:
+        return replace(problem, block=block, xy=ideal)
+    xy = measured_xy(block, problem.cameras[problem.photo], ideal)
+    return replace(problem, block=block, xy=xy, without_lens=ideal)
 
 
 def _rows_of(block: Block, points: Iterable[str]) -> dict[str, list[ImagePoint]]:
@@ -69,23 +161,14 @@ def without_points(problem: Problem, names: Iterable[str], why: str = HALF_RAYS)
     NotComputableError
         Nothing is left.
     """
-    anew = make_problem(
-        problem.block,
-        datum=problem.datum,
-        additional=problem.additional,
-        undetermined={**(problem.undetermined or {}), **dict.fromkeys(names, why)},
-    )
+    out = {**(problem.undetermined or {}), **dict.fromkeys(names, why)}
+    anew = laid_out_like(problem, problem.block, out)
     return with_rejected_of(without_same(anew, problem), problem)
 
 
 def with_given_back(problem: Problem) -> Problem:
     """Return the bundle with all control and priors of its block, rejected before or not."""
-    anew = make_problem(
-        problem.block,
-        datum=problem.datum,
-        additional=problem.additional,
-        undetermined=problem.undetermined,
-    )
+    anew = laid_out_like(problem, problem.block, problem.undetermined)
     return with_rejected_of(replace(anew, conditions=problem.conditions), problem)
 
 
