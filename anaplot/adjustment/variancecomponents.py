@@ -99,20 +99,27 @@ class VarianceComponent:
         return sqrt(self.factor)
 
     @property
+    def degrees(self) -> float | None:
+        """Degrees of freedom of the estimate; None where it has no standard deviation.
+
+        A group alone has r s^2 / sigma^2 distributed as chi-square; among others it is as good as
+        one with 2 factor^2 / deviation^2 degrees of freedom.
+        """
+        return None if self.deviation is None else 2.0 * (self.factor / self.deviation) ** 2
+
+    @property
     def interval(self) -> tuple[float, float] | None:
         """Confidence interval (95 %) of the factor; None where it has no standard deviation.
 
-        None also where the group says so little that the interval has no end.
-
-        A group alone has r s^2 / sigma^2 distributed as chi-square; among others it is as good as
-        one with 2 factor^2 / deviation^2 degrees of freedom. Symmetric intervals of few degrees
-        hold the true value far less often than they say.
+        None also where the group says so little that the interval has no end. It is that of the
+        chi-square of `degrees`: symmetric intervals of few degrees hold the true value far less
+        often than they say.
         """
         from scipy.special import chdtri
 
-        if self.deviation is None:
+        degrees = self.degrees
+        if degrees is None:
             return None
-        degrees = 2.0 * (self.factor / self.deviation) ** 2
         tail = 0.5 * (1.0 - CONFIDENCE)
         above, below = chdtri(degrees, [tail, 1.0 - tail]).tolist()
         if not below > _NO_END * degrees:

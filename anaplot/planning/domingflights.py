@@ -211,11 +211,12 @@ def _with_photos(
 def _with_control(found: Doming, middle: int) -> tuple[Problem, BlockState] | None:
     problem, state = found.problem, found.state
     block = problem.block
-    sigma = found.control_s or block.precision.control_m
     x, y, z = (state.points[middle] + state.origin).tolist()
     name = problem.points[middle]
     others = tuple(row for row in block.control if row.point != name)
-    mine = ControlPoint(name, (x, y, z), (sigma,) * 3)
+    mine = ControlPoint(name, (x, y, z))
+    sigma = found.control_s or problem.given_sigma(mine)[2]
+    mine = replace(mine, sigma=(sigma,) * 3)
     larger = replace(block, control=(*others, mine))
     laid = _laid_out(problem, state, larger, {}, {})
     if laid is None:

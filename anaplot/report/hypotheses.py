@@ -510,6 +510,7 @@ def _check_json(found: CheckTests) -> Json:
         "points": [_row_json(row) for row in found.points],
         "coordinates": [_row_json(row) for row in found.coordinates],
         "deformations": [_row_json(row) for row in found.deformations],
+        "sigma_factor": found.sigma_factor,
         "remarks": list(found.remarks),
     }
 

@@ -132,6 +132,9 @@ class CheckTests:
         Sentences for a person.
     parts
         Plan and height of every point.
+    sigma_factor
+        Of the standard deviations that the given coordinates state: that of control where its
+        variance was estimated, else 1.
     """
 
     groups: tuple[CheckGroupTest, ...]
@@ -140,6 +143,7 @@ class CheckTests:
     deformations: tuple[DeformationTest, ...] = field(repr=False)
     remarks: tuple[str, ...]
     parts: tuple[PartTest, ...] = ()
+    sigma_factor: float = 1.0
 
 
 class _Differences(NamedTuple):
@@ -158,7 +162,8 @@ def check_tests(
     """Test adjusted against given coordinates of the check points; None when there are none.
 
     The covariance of a difference is that of the adjusted coordinate plus that of the given one:
-    its standard deviation in the control file (0: free of error), or the block's default. Only
+    its standard deviation in the control file (0: free of error), or the block's default, with the
+    factor of control where that was estimated: check points are control that is held back. Only
     with datum "control": other datums do not lie in the system of the check points.
     """
     settings = settings or HypothesisSettings()
@@ -180,6 +185,10 @@ def check_tests(
         remarks.append(f"check points that are not in the adjustment: {listed(missing)}")
     if not wanted:
         return CheckTests((), (), (), (), tuple(remarks))
+    known = problem.estimated
+    factor = 1.0 if known is None else known.check
+    if known is not None:
+        remarks.append(_taken(factor, known.control_degrees))
     together = len(wanted) <= _MOST
     if not together:
         remarks.append(
@@ -187,7 +196,6 @@ def check_tests(
             f"(that is done up to {_MOST})"
         )
     differences = _differences(block, wanted, together=together)
-    variance = VarianceFactor.of(block)
     positive = np.diag(differences.q) > 0.0
     if not positive.all():
         remarks.append(
@@ -207,7 +215,10 @@ def check_tests(
             differences.q[np.ix_(keep, keep)],
         )
         if not len(keep):
-            return CheckTests((), (), (), (), tuple(remarks))
+            return CheckTests((), (), (), (), tuple(remarks), sigma_factor=factor)
+    variance = VarianceFactor.of(block)
+    if known is not None and known.control_degrees is not None:
+        variance = _with_control(variance, differences, known.control_degrees)
     groups: tuple[CheckGroupTest, ...] = ()
     deformations: tuple[DeformationTest, ...] = ()
     if together:
@@ -227,6 +238,7 @@ def check_tests(
         deformations,
         tuple(remarks),
         _parts(differences, variance, settings),
+        factor,
     )
 
 
@@ -247,7 +259,7 @@ def _differences(
         q_block = np.zeros((len(places), len(places)))
         i, j = np.nonzero(same)
         q_block[i, j] = block.cofactors.points[index[i, 0], index[i, 1], index[j, 1]]
-    spread = [problem.block.sigma_of(problem.control_rows[name])[axis] for name, axis, _ in wanted]
+    spread = [problem.given_sigma(problem.control_rows[name])[axis] for name, axis, _ in wanted]
     return _Differences(
         [(name, "XYZ"[axis]) for name, axis, _ in wanted],
         found[:, :2] + block.state.origin[:2],
@@ -255,6 +267,30 @@ def _differences(
         q_block,
         q_block + np.diag(np.square(spread)),
     )
+
+
+def _taken(factor: float, degrees: float | None) -> str:
+    if degrees is None:
+        return "check points are taken to err as stated: no variance of control was estimated"
+    return (
+        f"check points are taken to err {factor:.3g} times as much as stated, as control does, "
+        f"whose variance was estimated with {degrees:.3g} degrees of freedom"
+    )
+
+
+def _with_control(
+    variance: VarianceFactor, differences: _Differences, degrees: float
+) -> VarianceFactor:
+    """Return the variance factor of differences to what errs by an estimated variance.
+
+    What is expected of a difference is known with the degrees of freedom of that estimate as far
+    as the given coordinate makes it (Satterthwaite). That in which it makes most counts for all.
+    """
+    if variance.sigma is None:
+        return variance
+    share = 1.0 - float((np.diag(differences.q_block) / np.diag(differences.q)).min())
+    left = 1.0 / (share**2 / degrees + 1.0 / variance.redundancy)
+    return variance.estimated_with(max(1, int(left)))
 
 
 def _groups(

@@ -106,9 +106,8 @@ def block_components(
         grouped.readjust,
         redundancies=grouped.redundancies,
     )
-    return BlockComponents(
-        grouping, variances, _sigmas(block.problem, groups, variances), grouped.last()
-    )
+    last = grouped.last(lambda problem: groups.told(problem, variances))
+    return BlockComponents(grouping, variances, _sigmas(block.problem, groups, variances), last)
 
 
 def _groups(

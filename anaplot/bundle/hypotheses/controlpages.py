@@ -356,5 +356,5 @@ def _largest_in_plan(block: AdjustedBlock, point: str) -> float:
     """Return the largest standard deviation of a difference [m] along any direction in plan."""
     problem = block.problem
     q = block.cofactors.points[block.point_number(point), :2, :2]
-    given = problem.block.sigma_of(problem.control_rows[point])[:2]
+    given = problem.given_sigma(problem.control_rows[point])[:2]
     return float(np.sqrt(np.linalg.eigvalsh(q + np.diag(np.square(given)))[-1]))

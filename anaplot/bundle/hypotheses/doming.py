@@ -386,21 +386,10 @@ def bend_weights(places: Array) -> tuple[float, Array | None]:
 
 
 def _heights(problem: Problem) -> list[tuple[str, int, float, float]]:
-    """Return use, point, given height [m] and its standard deviation, of control and checks.
-
-    Of control the one with which it is weighted, which may have been estimated.
-    """
+    """Return use, point, given height [m] and its standard deviation, of control and checks."""
     at = {name: k for k, name in enumerate(problem.points)}
-    weighted = problem.known_sigma[:, 2]
     return [
-        (
-            row.use,
-            at[name],
-            row.xyz[2],
-            float(weighted[at[name]])
-            if row.use == "control" and np.isfinite(weighted[at[name]])
-            else problem.block.sigma_of(row)[2],
-        )
+        (row.use, at[name], row.xyz[2], problem.given_sigma(row)[2])
         for name, row in problem.control_rows.items()
         if name in at and row.xyz[2] is not None and row.use in ("control", "check")
     ]

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from anaplot.adjustment.variancecomponents import GroupSums
+from anaplot.adjustment.variancecomponents import GroupSums, VarianceComponents
 from anaplot.aliases import Array, Index, Progress
 from anaplot.bundle.adjust import evaluate
 from anaplot.bundle.solve.adjusted import AdjustedBlock
@@ -46,8 +47,18 @@ class ObservationGroups(NamedTuple):
     def weighted(self, problem: Problem, factors: Array) -> Problem:
         """Return the problem with the variances of the groups multiplied by (k,) factors."""
         scale = np.sqrt(factors)
-        others = (1.0 if group is None else float(scale[group]) for group in self[2:])
-        return with_variances(problem, scale[self.image], EstimatedFactors(*others))
+        control, expected, position, rotation, additional = (
+            1.0 if group is None else float(scale[group]) for group in self[2:]
+        )
+        others = EstimatedFactors(control, expected, position, rotation, additional)
+        return with_variances(problem, scale[self.image], others)
+
+    def told(self, problem: Problem, variances: VarianceComponents) -> Problem:
+        """Return the weighted problem that knows how well control's variance is estimated."""
+        if problem.estimated is None or self.control is None:
+            return problem
+        degrees = variances.components[self.control].degrees
+        return replace(problem, estimated=problem.estimated._replace(control_degrees=degrees))
 
     def squares(self, linear: Linearised) -> Array:
         """Return (k,) sums v'Pv."""
@@ -140,7 +151,7 @@ class GroupedBlock:
         self._tell("variance components, standard deviations", 0.0)
         return self.groups.redundancies(compute_cofactors(normal, factor, None))
 
-    def last(self, change: Callable[[Problem], Problem] = lambda problem: problem) -> AdjustedBlock:
+    def last(self, change: Callable[[Problem], Problem]) -> AdjustedBlock:
         """Return the last adjustment with everything that is computed of one.
 
         Parameters

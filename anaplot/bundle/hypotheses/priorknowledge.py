@@ -161,7 +161,8 @@ def prior_estimate(
 
     def tested(changed: Problem) -> Problem:
         test = replace(changed.block.test, kind=kind)
-        return replace(changed, block=replace(changed.block, test=test))
+        # nothing but sigma0 is estimated
+        return replace(changed, block=replace(changed.block, test=test), estimated=None)
 
     return BlockPrior(estimator, *_three(of), 1, True, grouped.last(tested), ())
 
@@ -180,6 +181,6 @@ def _separate(grouped: GroupedBlock, variances: VarianceComponents) -> BlockPrio
         *_three(groups),
         variances.iterations,
         variances.converged,
-        grouped.last(),
+        grouped.last(lambda problem: grouped.groups.told(problem, variances)),
         tuple(variances.remarks()),
     )

@@ -118,6 +118,10 @@ class VarianceFactor(NamedTuple):
             max(self.vtpv - square, 0.0), self.redundancy - dimension, self.by_known
         )
 
+    def estimated_with(self, degrees: int) -> VarianceFactor:
+        """Return the same factor as an estimate with so many degrees of freedom."""
+        return VarianceFactor(self.vtpv * degrees / self.redundancy, degrees, by_known=False)
+
     def test(self, square: float, dimension: int, alpha: float) -> Verdict:
         """Test a quadratic form that this adjustment's residuals have no part in."""
         sigma = self.sigma

@@ -297,6 +297,13 @@ class Problem:
         out: Array = self.position - np.nan_to_num(arms)
         return out
 
+    def given_sigma(self, row: ControlPoint) -> tuple[float, float, float]:
+        """Return how a control or check point errs [m]: as stated, or as it was estimated."""
+        x, y, z = self.block.sigma_of(row)
+        known = self.estimated or EstimatedFactors()
+        factor = known.check if row.use == "check" else known.control
+        return factor * x, factor * y, factor * z
+
     @property
     def test(self) -> TestSettings:
         """The test that flags observations."""

@@ -114,7 +114,6 @@ def with_variances(problem: Problem, image: Array, factors: EstimatedFactors | N
     problem = replace(problem, axis_factor=image if before is None else image * before)
     if factors is None:
         return problem
-    known = problem.estimated or EstimatedFactors()
     return replace(
         problem,
         known_sigma=problem.known_sigma * factors.control,
@@ -122,7 +121,7 @@ def with_variances(problem: Problem, image: Array, factors: EstimatedFactors | N
         position_sigma=problem.position_sigma * factors.position,
         rotation_sigma=problem.rotation_sigma * factors.rotation,
         additional_sigma=problem.additional_sigma * factors.additional,
-        estimated=EstimatedFactors(*(a * b for a, b in zip(known, factors, strict=True))),
+        estimated=factors if problem.estimated is None else problem.estimated.times(factors),
     )
 
 

@@ -42,6 +42,14 @@ def given_points_section(answer: Answer) -> Section | None:
         Captioned(points, say("Control and check points in plan and height")),
     ]
     if tests["check"] is not None:
+        if tests["check"]["sigma_factor"] != 1.0:
+            blocks.append(
+                say(
+                    "Of check points s has {:.3g} times the standard deviation that is stated, as "
+                    "control has it, whose variance was estimated.",
+                    tests["check"]["sigma_factor"],
+                )
+            )
         blocks += _groups(tests["check"]["groups"])
     return Section("given-points", "Control and check points in plan and height", tuple(blocks))
 
