@@ -56,19 +56,18 @@ def led_from_stated(problem: Problem, start: BlockState, found: BlockState) -> b
 
 def without_stated(problem: Problem) -> Problem | None:
     """Return a bundle whose photos lie nowhere but where that is observed; None: as it does."""
-    observed = [
-        np.isfinite(sigma).any(axis=1, keepdims=True)
-        for sigma in (problem.position_sigma, problem.rotation_sigma)
+    stated = problem.position, problem.rotation
+    sigmas = problem.position_sigma, problem.rotation_sigma
+    leading = [
+        np.isfinite(values) & ~np.isfinite(sigma).any(axis=1, keepdims=True)
+        for values, sigma in zip(stated, sigmas, strict=True)
     ]
+    if not any(one.any() for one in leading):
+        return None
     position, rotation = (
-        np.where(one, stated, np.nan)
-        for one, stated in zip(observed, (problem.position, problem.rotation), strict=True)
+        np.where(one, np.nan, values) for values, one in zip(stated, leading, strict=True)
     )
-    before, after = (
-        np.isfinite(np.concatenate(pair, axis=1)).sum()
-        for pair in ((problem.position, problem.rotation), (position, rotation))
-    )
-    return None if after == before else replace(problem, position=position, rotation=rotation)
+    return replace(problem, position=position, rotation=rotation)
 
 
 def stated_remarks(problem: Problem, state: BlockState) -> list[str]:

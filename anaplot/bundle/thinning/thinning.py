@@ -385,7 +385,7 @@ class _Search:
             fits = free[[k in known for k in free.tolist()]]
             more = self._together(self._order(fits)[0], slack, left, known, limit)
             if not more:
-                return np.array(gone, dtype=np.intp)
+                break
             gone += more
             may_go[more] = False
         return np.array(gone, dtype=np.intp)
