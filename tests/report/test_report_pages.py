@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import hashlib
 import json
 import math
@@ -253,6 +254,21 @@ def test_every_column_of_these_pages_has_a_definition(tmp_path: Path, epochs) ->
     assert {pair for pair in shown if definition_of(*pair) is None} == set()
 
 
+def again_typed(typed: str) -> tuple[list[str], argparse.Namespace, list[str]]:
+    """Return the words of a command, its options, and the words that they are written as again."""
+    words = shlex.split(typed)
+    options = command_parser().parse_args(words)
+    name = " ".join(words[: 2 if words[0] == "plan" else 1])
+    declare = {
+        "plan block": add_block_arguments,
+        "plan network": add_network_arguments,
+        "compare": add_compare_arguments,
+        "bridge": add_bridge_arguments,
+        "report": add_report_arguments,
+    }[name]
+    return words, options, shlex.split(as_typed(name, declare, options))[1:]
+
+
 @pytest.mark.parametrize(
     "typed",
     [
@@ -264,16 +280,7 @@ def test_every_column_of_these_pages_has_a_definition(tmp_path: Path, epochs) ->
     ],
 )
 def test_a_command_is_written_as_it_is_typed(typed: str) -> None:
-    words = shlex.split(typed)
-    options = command_parser().parse_args(words)
-    name = " ".join(words[: 2 if words[0] == "plan" else 1])
-    declare = {
-        "plan block": add_block_arguments,
-        "plan network": add_network_arguments,
-        "compare": add_compare_arguments,
-        "bridge": add_bridge_arguments,
-    }[name]
-    again = shlex.split(as_typed(name, declare, options))[1:]
+    words, options, again = again_typed(typed)
     assert vars(command_parser().parse_args(again)) == vars(options)
     assert sorted(again) == sorted(words)
 
@@ -297,16 +304,7 @@ def test_a_command_is_written_as_it_is_typed(typed: str) -> None:
     ],
 )
 def test_a_command_that_is_typed_again_means_the_same(typed: str) -> None:
-    words = shlex.split(typed)
-    options = command_parser().parse_args(words)
-    name = " ".join(words[: 2 if words[0] == "plan" else 1])
-    declare = {
-        "plan block": add_block_arguments,
-        "plan network": add_network_arguments,
-        "compare": add_compare_arguments,
-        "report": add_report_arguments,
-    }[name]
-    again = shlex.split(as_typed(name, declare, options))[1:]
+    _, options, again = again_typed(typed)
     assert vars(command_parser().parse_args(again)) == vars(options)
 
 
