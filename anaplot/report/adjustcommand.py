@@ -396,8 +396,7 @@ def adjust(
     document = planting.with_planting(_document(found, snooping, correlations), planted)
     wrong = [one for one in photo_accidents(measured) if one.kind not in NO_ACCIDENT]
     document = with_photo_accidents(document, wrong)
-    if prior is None:  # which weights a second adjustment would take anew
-        document = with_double_names(document, double_names(adjusted, watch))
+    document = with_double_names(document, double_names(adjusted, watch))
     out = [one.name for one in found.rejected]
     document = with_offset_advice(document, offset_advice(adjusted, out))
     document = with_moved_points(document, cameras)

@@ -12,6 +12,7 @@ import pytest
 from scipy.spatial import cKDTree
 from test_misnamed import measured
 
+from anaplot import adjust
 from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.errors import doublenames
 from anaplot.bundle.errors.doublenames import DoubleName, double_names
@@ -137,6 +138,28 @@ def test_one_gross_error_is_no_second_point() -> None:
     assert double_names(block_gross_errors(wrong, "search").block) == ()
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("image", [1.0, 8.0])
+def test_accidents_are_named_with_the_weights_that_were_estimated(image: float) -> None:
+    block = measured(1)
+    wild = replace(
+        block,
+        precision=replace(block.precision, image_um=block.precision.image_um / image),
+        control=tuple(replace(row, sigma=(0.1,) * 3) for row in block.control),
+    )
+    found = adjust(second_name(wild, "02-02", "new"), prior="separate")
+    (one,) = double_names(found.result.block)
+    assert (set(one.points), one.rays) == ({"02-02", "new"}, ())
+    assert one.statistic is not None
+    assert one.statistic < one.critical
+    assert [set(row["points"]) for row in found.to_dict()["double_names"]] == [{"02-02", "new"}]
+    if image == 1.0:  # else a search rejects noise, too
+        parted = adjust(other_place(wild, "03-02", 0.3), errors="search", prior="separate")
+        (two,) = double_names(parted.result.block)
+        assert two.points == ("03-02",)
+        assert len(two.rays) == 3
+
+
 def test_what_is_said() -> None:
     one = DoubleName(("7", "107"), (), 3.02, 16.27, 1.0)
     assert one.text.startswith("7 and 107 are one point under two names? With one name v'Pv grows")
@@ -173,7 +196,7 @@ def two_places(halves: int, apart: float, *, same_photo: bool = False) -> Simple
         "photo": np.arange(n),
         "ideal": xy,
         "c": np.full(n, 150.0),
-        "sigma": np.full(n, 0.005),
+        "sigma_xy": np.full((n, 2), 0.005),
     }
     state = SimpleNamespace(rotations=np.tile(np.eye(3), (n, 1, 1)), centres=centres)
     return SimpleNamespace(problem=SimpleNamespace(**photos), state=state)

@@ -183,7 +183,7 @@ def _seen_apart(block: AdjustedBlock, first: list[int], second: list[int]) -> bo
     for i in first:
         for j in second:
             if problem.photo[i] == problem.photo[j]:
-                off = np.abs(problem.xy[i] - problem.xy[j]) / problem.sigma[i]
+                off = np.abs(problem.xy[i] - problem.xy[j]) / problem.sigma_xy[i]
                 if np.any(off > near):
                     return True
     return False
@@ -274,7 +274,7 @@ def _parts(block: AdjustedBlock, rays: list[int]) -> frozenset[int] | None:
     parts = (rank[:, None] < counts[:, None]).astype(float).reshape(-1, len(rays))
     both = misfit(parts) + misfit(1.0 - parts)
     best = float(both.min())
-    noise = len(rays) * float(np.median(problem.sigma) / np.median(c)) ** 2
+    noise = len(rays) * float(np.median(problem.sigma_xy) / np.median(c)) ** 2
     alone = float(misfit(1.0 - np.eye(len(rays))).min())
     if alone < _ALONE * max(best, noise):
         return None
