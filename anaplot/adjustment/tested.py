@@ -433,7 +433,7 @@ def examine(
     vtpv: float,
     redundancy: int,
     test: _Settings,
-    deviation: Array | None = None,
+    left: Array | None = None,
     moved: Array | None = None,
     use: Bools | None = None,
     firm: Bools | None = None,
@@ -457,9 +457,8 @@ def examine(
         f.
     test
         Kind, significance of one row, and power of smallest detectable errors.
-    deviation
-        (n,) standard deviations of the residuals for the a-priori sigma0; None: sigma sqrt(r), as
-        uncorrelated observations have them.
+    left
+        (n,) standard deviations of the residuals over those of the observations; None: sqrt(r).
     moved
         (n,) how far an error of one sigma moves a function of the unknowns at most, in its standard
         deviations; None: sqrt(1 - r), likewise.
@@ -488,13 +487,14 @@ def examine(
     testable = r >= TESTABLE
     if firm is not None:
         testable |= firm & (r > 0.0)
-    deviation = sigma * np.sqrt(np.maximum(r, ZERO)) if deviation is None else deviation
-    tested = np.where(testable, deviation, NONE)
+    spread = np.sqrt(np.maximum(r, ZERO)) if left is None else left
+    tested = np.where(testable, spread, NONE)
     # an error of one sigma shows with r of its size: in standard deviations of the residual
-    shown = sigma * r / tested
+    shown = tested if left is None else r / tested
+    deviation = sigma * spread
     expected = np.full(len(r), np.nan) if factor is None else factor * deviation
     # a residual that is exactly zero with sigma estimated as zero: nothing deviates from anything
-    w = residual / (tested * (factor or np.nan))
+    w = residual / (sigma * (factor or np.nan) * tested)
     detectable = applied.delta0 / shown
     mdb = detectable * sigma
     effect = detectable * (np.sqrt(np.maximum(ONE - r, ZERO)) if moved is None else moved)

@@ -346,10 +346,10 @@ def _tested(
     keys = _keys(conditions)
     apriori = precision.image_um
     sigma = apriori * adjusted.root
-    vtpv, deviation, moved = adjusted.vtpv, None, None
+    vtpv, left, moved = adjusted.vtpv, None, None
     if exact is not None:
         vtpv, moved = exact.vtpv, exact.effects
-        deviation = sigma * np.sqrt(exact.left.diagonal())
+        left = np.sqrt(exact.left.diagonal())
     return examine(
         keys,
         ["um"] * len(keys),
@@ -359,7 +359,7 @@ def _tested(
         vtpv=vtpv / (apriori * 1e-3) ** 2,
         redundancy=adjusted.redundancy,
         test=test,
-        deviation=deviation,
+        left=left,
         moved=moved,
         rounding=_DUST_UM,
         dense=partial(_dense, adjusted, exact),
