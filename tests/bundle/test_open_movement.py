@@ -15,6 +15,7 @@ from anaplot.bundle.errors.controllast import clean_control_last
 from anaplot.bundle.errors.misfits import adjust_without_misfits
 from anaplot.bundle.solve import openmovement, somepoints
 from anaplot.bundle.solve.additional import additional_parameters
+from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.gaussnewton import NoConvergenceError, equations_at
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.linearised import effect, effects
@@ -126,6 +127,76 @@ def test_of_photos_far_from_their_rays_nothing_is_said() -> None:
     last = found.problem.photo == found.problem.photos.index("205")
     off = free.xy + np.where(last[:, None], 1.0, 0.0)
     assert held_by_noise(replace(free, xy=off), structure, found.state) is None
+
+
+def with_heights_on_a_line(seed: int) -> Block:
+    """A flat block of which control knows heights on one line alone; noise of both."""
+    block = noisy(plan_block(BlockPlan(3, 6, control_m=0.05)).block, 5.0, seed)
+    rng = np.random.default_rng(seed)
+    line = min(abs(point.xyz[1]) for point in block.control if point.xyz[1] is not None)
+    control = []
+    for point in block.control:
+        x, y, z = point.xyz
+        if x is None or y is None:
+            continue
+        off = (rng.normal(size=3) * 0.05).tolist()
+        known = z is not None and abs(y) == line
+        xyz = (x + off[0], y + off[1], z + off[2] if known and z is not None else None)
+        control.append(replace(point, xyz=xyz, sigma=(0.05, 0.05, 0.05)))
+    return replace(block, control=tuple(control))
+
+
+def test_a_flat_block_that_turns_about_the_line_of_its_heights_is_not_determined() -> None:
+    """The cosine of that turn is all that holds it: of the plan, by the square of its angle.
+
+    Where noise of the plan alone has turned it by many standard deviations, these tell of it.
+    """
+    reasons = []
+    for seed in range(12):
+        try:
+            found = adjust_block(with_heights_on_a_line(seed))
+        except NotComputableError as error:
+            reasons.append(str(error))
+        else:
+            assert tilts(found).max() > 5e-3
+    assert len(reasons) >= 8
+    said = r"not determined: photos .*: their common points .* movement open"
+    assert all(re.search(said, reason) for reason in reasons)
+
+
+def tilts(found: AdjustedBlock) -> np.ndarray:
+    """(n, 2) standard deviations of the photos' turns about X and Y [rad]."""
+    return np.sqrt(np.einsum("nii->ni", found.cofactors.photos)[:, 3:5])
+
+
+def flown(strips: int, length: int, sigma_m: float, seed: int) -> Block:
+    """Photos with positions of that precision, and no control."""
+    block = aerial(
+        strips, length, noise_um=5.0, base=25.0, height=100.0, relief=1.0, seed=seed
+    ).block
+    rng = np.random.default_rng(seed)
+    photos = []
+    for photo in block.photos:
+        row, column = int(photo.id[0]) - 1, int(photo.id[1:]) - 1
+        at = np.array((25.0 * column, 25.0 * row, 100.0)) + rng.normal(size=3) * sigma_m
+        x, y, z = at.tolist()
+        photos.append(
+            replace(photo, position=(x, y, z), rotation=None, position_sigma=(sigma_m,) * 3)
+        )
+    return replace(block, photos=tuple(photos), control=())
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_strip_with_positions_as_rough_as_it_is_straight_may_roll(seed: int) -> None:
+    said = refusal(flown(1, 6, 5.0, seed))
+    assert re.search(r"not determined: photos .*: their common points .* movement open", said)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_rough_positions_of_a_block_that_is_as_wide_as_long_hold_it_roughly(seed: int) -> None:
+    found = adjust_block(flown(3, 4, 5.0, seed))
+    assert 0.01 < tilts(found).max() < 0.2
+    assert held_by_noise(found.problem, found.cofactors.normal.structure, found.state) is None
 
 
 @pytest.mark.parametrize("datum", ["control", "free"])
@@ -250,6 +321,7 @@ def test_some_points_tell_of_a_large_block_what_all_of_them_tell(
         return parted[-1]
 
     monkeypatch.setattr(openmovement, "some_points", chosen)
+    monkeypatch.setattr(openmovement, "_ITSELF", np.inf)  # of all points at once
     assert before is not None
     assert held_by_noise(free, structure, state) == before
     assert held_by_noise(firm.problem, firm.cofactors.normal.structure, firm.state) is None

@@ -6,6 +6,10 @@ line of common points are held by what noise has put between those points and th
 resistance is no more than what another noise of the same size would give, and nothing that a
 minimum could be found by. A weak movement that is determined is resisted in the same way whatever
 the noise.
+
+Nor is a movement determined whose own standard deviation makes many times more of what resists it:
+a flat block that may turn about the line on which all its control of heights lies is held by the
+cosine of that turn alone, the more the further it happens to be turned.
 """
 
 from __future__ import annotations
@@ -45,6 +49,9 @@ _MOVES = 0.2  # of the largest movement: a photo that moves less is not named
 _WEAKEST = 8  # movements that are looked at
 _NOISES = 4  # realisations of noise
 _NOISE = 0.1  # of a movement's resistance that changes with noise: all of it may be noise
+_ITSELF = 5.0  # times that it changes where the movement goes on by its standard deviation
+_TURNED = 1e-4  # rad, by one standard deviation of a movement: below, it is as good as linear
+_STEP = 0.2  # rad, the most that a movement is followed by to see how its resistance changes
 _APART = 0.2  # of what noise does to the movements left open: to the others it does less
 _AS_WEAK = 0.01  # of how much the weakest movement yields: what is as good as open as well
 _MOST = 10.0  # sigmas that errors spoil the geometry by, at most: larger ones lose their pull
@@ -194,6 +201,10 @@ def _looked_at(
     try:
         found = _weakest(normal, factor, _WEAKEST)
         noise = float(np.clip(sigma0, 1.0, _MOST))
+        by_itself = _by_itself(normal, factor, state, found, noise)
+        if np.any(by_itself > _ITSELF):
+            share = _share_in(normal, found, by_itself > _ITSELF)
+            return _Looked(None if share is None else _photos_open(normal.problem, share), None)
         # in a firm block the most that it may be is little
         for seen in _first_some(normal.problem, state):
             if np.all(_by_noise(normal, factor, seen, found, noise, most=True) <= _NOISE):
@@ -211,7 +222,6 @@ def _noise_remark(
 
     `by_noise`: (k,) how much of what resists each changes with noise.
     """
-    problem, linear = normal.problem, normal.linear
     loose = np.flatnonzero(by_noise > _NOISE)
     if len(loose) == 0:
         return None
@@ -219,12 +229,19 @@ def _noise_remark(
     others = np.delete(by_noise, loose)
     if others.max(initial=0.0) > _APART * by_noise[loose].min() or len(others) == 0:
         return None
-    share = np.max([_share(found.size[:, :, k]) for k in loose], axis=0)
-    off = np.linalg.norm(linear.e, axis=1)
+    share = _share_in(normal, found, by_noise > _NOISE)
+    return None if share is None else _left_open(normal.problem, share, normal, factor)
+
+
+def _share_in(normal: NormalEquations, found: _Movements, loose: Bools) -> Array | None:
+    """(n,) share of the photos in some movements; None where these are far from their rays."""
+    problem = normal.problem
+    share: Array = np.max([_share(found.size[:, :, k]) for k in np.flatnonzero(loose)], axis=0)
+    off = np.linalg.norm(normal.linear.e, axis=1)
     for photo in np.flatnonzero(share > _MOVES).tolist():
         if not np.median(off[problem.photo == photo]) <= _FAR:
             return None
-    return _left_open(problem, share, normal, factor)
+    return share
 
 
 def parameters_left_open(problem: Problem, state: BlockState) -> str:
@@ -283,10 +300,16 @@ def _loose(normal: NormalEquations, factor: Factor) -> str:
 
 def _left_open(problem: Problem, share: Array, normal: NormalEquations, factor: Factor) -> str:
     """Say what may move, from the share that each of n photos has in the movement."""
-    names = [problem.photos[k] for k in np.nonzero(share > _MOVES)[0].tolist()]
     # weighted parameters are observed: they leave nothing open
-    if problem.frees_parameters and len(names) > len(problem.photos) // 2:
+    moving = np.count_nonzero(share > _MOVES)
+    if problem.frees_parameters and moving > len(problem.photos) // 2:
         return _parameters_left_open(problem, _loose(normal, factor))
+    return _photos_open(problem, share)
+
+
+def _photos_open(problem: Problem, share: Array) -> str:
+    """Say which photos may move, from the share that each of n photos has in the movement."""
+    names = [problem.photos[k] for k in np.nonzero(share > _MOVES)[0].tolist()]
     begin = f"block {problem.block.name}: not determined: "
     what = "photos" if len(names) > 1 else "photo"
     return f"{begin}{what} {listed(names)}: their common points and control leave a movement open"
@@ -317,6 +340,11 @@ class _Movements(NamedTuple):
     right: Array
     resisted: Array
     size: Array
+
+    def at(self, k: int) -> Unknowns:
+        """Return the unknowns of one of them, with one column."""
+        photos, points, shared = self.unknowns
+        return photos[..., k : k + 1], points[..., k : k + 1], shared[..., k : k + 1]
 
 
 def _solvable(
@@ -458,13 +486,49 @@ def _by_noise(
         change = np.array([one.vtpv for one in each])
         asked = np.flatnonzero((change > _NOISE**2 * resisted) | (not most))
         if len(asked) and seen.chosen is None:
-            # what the other unknowns take up resists nothing
-            sides = [normal.gradient(each[k]) for k in asked.tolist()]
-            right = tuple(np.stack(part, axis=-1) for part in zip(*sides, strict=True))
-            for side, taken in zip(right, normal.solve(factor, *right), strict=True):
-                change[asked] -= (side * taken).sum(axis=tuple(range(side.ndim - 1)))
+            change[asked] -= _taken_up(normal, factor, [each[k] for k in asked.tolist()])[0]
         changed += np.maximum(change, 0.0)
     return np.asarray(np.sqrt(changed / _NOISES / resisted))
+
+
+def _taken_up(
+    normal: NormalEquations, factor: Factor, changes: Sequence[Linearised]
+) -> tuple[Array, Unknowns]:
+    """(k,) how much of k changes the unknowns take up, so that it resists nothing; their gradients.
+
+    Of these the last index is that of the changes.
+    """
+    sides = [normal.gradient(change) for change in changes]
+    photos, points, shared = (np.stack(part, axis=-1) for part in zip(*sides, strict=True))
+    right = photos, points, shared
+    taken = np.zeros(len(changes))
+    for side, each in zip(right, normal.solve(factor, *right), strict=True):
+        taken += (side * each).sum(axis=tuple(range(side.ndim - 1)))
+    return taken, right
+
+
+def _by_itself(
+    normal: NormalEquations, factor: Factor, state: BlockState, found: _Movements, noise: float
+) -> Array:
+    """(k,) how much of what resists each movement changes with its own standard deviation.
+
+    Nothing where one turns no photo by as much as `_TURNED`: of a firm block it is not asked.
+    """
+    problem, out = normal.problem, np.zeros(len(found.resisted))
+    deviations = noise / np.sqrt(np.maximum(found.resisted, np.finfo(float).tiny))
+    turned = np.abs(found.unknowns[0][:, 3:6]).max(axis=(0, 1)) * deviations
+    for k in np.flatnonzero(turned > _TURNED).tolist():
+        own, followed = found.at(k), min(1.0, _STEP / turned[k])
+        photos, points, shared = (part[..., 0] * (followed * deviations[k]) for part in own)
+        there = linearise(problem, move(problem, state, photos, points, shared))
+        now, then = (effects(problem, at, own)[0] for at in (normal.linear, there))
+        change = _less(then, now)
+        taken, sides = _taken_up(normal, factor, [change])
+        # what goes along the movement itself is what is asked for
+        along = sum(float((side * part).sum()) for side, part in zip(sides, own, strict=True))
+        left = change.vtpv - taken.item() + along**2 / found.resisted[k]
+        out[k] = np.sqrt(max(left, 0.0) / found.resisted[k]) / followed
+    return out
 
 
 def _less(one: Linearised, other: Linearised) -> Linearised:

@@ -49,7 +49,7 @@ how many steps lead there; None: not known."""
 
 
 _FITS = 4.0  # sigma0 up to which a minimum is not held against others
-_SOFT = 1e-8  # pivot over diagonal below which a minimum may hang on rounding or noise
+_SOFT = 1e-4  # pivot over diagonal below which a minimum may hang on rounding or noise
 _TRIES = 40  # steps from a start that has waited and misses by far
 _CHANCE = 100  # rays up to which such a start may still lead there, by a long way round
 
