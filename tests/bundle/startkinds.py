@@ -411,9 +411,9 @@ def _turned(rng: np.random.Generator, kappa: np.ndarray, tilt: float) -> np.ndar
 
 
 def _spread(points: np.ndarray, among: np.ndarray, count: int) -> Iterable[int]:
-    """Points far apart from each other, one after the other."""
+    """Points far apart from each other, one after the other; all where there are no more."""
     chosen = [int(among[0])]
-    while len(chosen) < count:
+    while len(chosen) < min(count, len(among)):
         off = np.linalg.norm(points[among][:, None] - points[chosen][None], axis=2).min(axis=1)
         chosen.append(int(among[np.argmax(off)]))
     return chosen
