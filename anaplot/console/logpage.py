@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from datetime import datetime
 from typing import ClassVar
 
+from rich.cells import cell_len
 from textual.binding import Binding, BindingType
 from textual.content import Content
 
@@ -67,11 +68,18 @@ def _change(one: Change, when: datetime, width: int) -> list[Content]:
         f"{when:%H:%M:%S} {fit(one.what, 10)} {fit_end(one.model, 13)} {fit_end(one.photo, 7)} "
         f"{fit_end(row, 14)}"
     )
+    parts = [one.reason] if one.reason else []
     if one.w_before is not None or one.w_after is not None:
-        text += f" w{number(one.w_before, 7, 2)} → {number(one.w_after, 6, 2).strip()}"
+        before, after = number(one.w_before, 7, 2), number(one.w_after, 6, 2).strip()
+        narrow = f" w {before.strip()} → {after}"
+        told = next(
+            (w for w in (f" w{before} → {after}", narrow) if cell_len(text + w) <= width), ""
+        )
+        text += told
+        if not told:
+            parts.insert(0, narrow.strip())
     again = one.what in _AGAIN
     lines = [Content.styled(fit(text, width), "bold" if again else "")]
-    parts = [one.reason] if one.reason else []
     if one.old is not None or (again and one.new is not None):
         parts.insert(0, f"{_xy(one.old)} → {_xy(one.new)} mm")
     if parts:

@@ -53,6 +53,21 @@ def test_the_newest_first_with_zone_old_and_new_and_reason():
     ]
 
 
+@pytest.mark.usefixtures("utc")
+@pytest.mark.parametrize(
+    ("before", "after", "row", "below"),
+    [
+        (339.07, 2.24, "w 339.07 → 2.24", ""),
+        (19.957, 19.957, "w 19.96 → 19.96", ""),
+        (1234.5, 1234.5, "", "   w 1234.50 → 1234.5"),
+    ],
+)
+def test_no_w_is_cut_off(before, after, row, below):
+    first, second = said([replace(AGAIN, w=Sizes.known(before, after))])[4:6]
+    assert first == f"12:00:01 remeasured 102/103       103     8              {row}".rstrip()
+    assert second == f"         1.0000 2.0000 → 1.5000 2.2500 mm{below}"
+
+
 def test_one_model_or_point_alone_and_no_more_than_can_be_read():
     assert "only 102/103: 2 of 3 changes" in said([FIRST, AGAIN, OFF], "102/103")
     assert "only 7: 1 of 3 changes" in said([FIRST, AGAIN, OFF], "7")
