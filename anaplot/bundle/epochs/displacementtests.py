@@ -130,8 +130,8 @@ class EpochTests:
     points
         Every point.
     located
-        Points that explain most of R, one after the other, until the rest is within the global
-        limit. A search: that each named point has moved is not a test at alpha.
+        Points without which the rest is accepted, as `free_one_by_one` finds them, the one that
+        explains most of R first. A search: that each named point has moved is not a test at alpha.
     located_stable
         The same of the points that hold the datum, as long as three others are left.
     remarks
@@ -212,8 +212,9 @@ def pair_tests(found: EpochDifferences, *, alpha: float) -> EpochTests:
     )
     everything = test.together(alpha)
     located: tuple[Located, ...] = ()
-    if everything is not None and everything.rejected and limits.square is not None:
-        freed = test.freed(test.rows, (test.rows // 3).tolist(), limits.square)
+    refuted = None if everything is None else everything.decisive
+    if refuted is not None and refuted.rejected:
+        freed = test.freed(test.rows, (test.rows // 3).tolist(), refuted)
         located = tuple(Located(found.points[step.owner], step.square, step.rest) for step in freed)
     return EpochTests(
         found,

@@ -193,10 +193,11 @@ def series_tests(series: EpochSeries, *, alpha: float = 0.05) -> SeriesTests:
         for name in series.points
     )
     located: tuple[Located, ...] = ()
-    if everything is not None and everything.rejected and limits.square is not None:
+    refuted = None if everything is None else everything.decisive
+    if refuted is not None and refuted.rejected:
         number = {name: k for k, name in enumerate(series.points)}
         owners = [number[series.moves[row // 3].point] for row in test.rows.tolist()]
-        freed = test.freed(test.rows, owners, limits.square)
+        freed = test.freed(test.rows, owners, refuted)
         located = tuple(
             Located(series.points[step.owner], step.square, step.rest) for step in freed
         )
@@ -242,8 +243,7 @@ def _point_series(
             beyond = whole > limits.square
         decisive = verdict.decisive
         if decisive is not None and decisive.rejected:
-            limit = decisive.critical * decisive.dimension * decisive.sigma**2
-            freed = test.freed(mine, (mine // 3).tolist(), limit)
+            freed = test.freed(mine, (mine // 3).tolist(), decisive)
             named = {step.owner for step in freed}
             named |= _coming_back(moves, named, undone, test, limits.point_alpha)
             at = (series.moves[row] for row in sorted(named))

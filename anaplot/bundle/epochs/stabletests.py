@@ -90,13 +90,13 @@ def located_stable(
     test = verdict.decisive
     if test is None:
         return ()
-    limit = test.critical * test.dimension * test.sigma**2
-    d, information = agreement.d, agreement.information
-    total = float(d @ information @ d)
+    d = agreement.d
     each = len(d) // len(points)
     owners = [row // each for row in range(len(d))]
     # three points fit each other up to two conditions: which of them moved does not show
-    freed = free_one_by_one(owners, d, information, total, limit, least=3 * each)
+    freed = free_one_by_one(
+        owners, d, agreement.information, test, rank=agreement.dimension, least=3 * each
+    )
     return tuple(Located(points[step.owner], step.square, step.rest) for step in freed)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from anaplot.adjustment.hypothesis import (
     DependentConditionsError,
+    FTest,
     bonferroni_alpha,
     critical_f,
     nearest_components,
@@ -125,18 +126,21 @@ class UnderTest:
         square = self.square(self.rows)
         return None if square is None else self.variance.test(square, len(self.rows), alpha)
 
-    def freed(self, rows: Index, owners: Sequence[int], limit: float) -> list[Freed]:
-        """Let owners of some differences move one by one, until the rest is within the limit.
+    def freed(self, rows: Index, owners: Sequence[int], refuted: FTest) -> list[Freed]:
+        """Let owners of some differences move one by one, until the rest is accepted.
 
-        Raises
-        ------
-        DependentConditionsError
-            The cofactors are singular.
+        Parameters
+        ----------
+        rows
+            Of the differences: all that `refuted` is of; their cofactors are not singular.
+        owners
+            What each of them belongs to.
+        refuted
+            As `free_one_by_one` has it.
         """
         cofactors = self.cofactors[np.ix_(rows, rows)]
-        total = quadratic_form(self.d[rows], cofactors)
         information = np.asarray(np.linalg.inv(cofactors), dtype=np.float64)
-        return free_one_by_one(owners, self.d[rows], information, total, limit)
+        return free_one_by_one(owners, self.d[rows], information, refuted)
 
     def orthogonal(self) -> Orthogonal | None:
         """Take all that is tested apart; None where the cofactors are singular."""
