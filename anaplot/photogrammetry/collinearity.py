@@ -120,25 +120,26 @@ def project_with_derivatives(
     photo, j = np.empty((n, 2, 6)), np.empty((n, 2, 3))
     for k, away, axes, scale in _portions(centres, rotations, c, points, rays):
         u = _in_photo(axes, away)
+        # a point in the plane of its projection centre has neither an image nor derivatives
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             factor = -scale / u[2]
             at = factor * u[:2]
             slope = -at / u[2]
+            by_point, by_photo = np.empty((2, 3, len(factor))), np.empty((2, 6, len(factor)))
+            for row, (jr, each) in enumerate(zip(by_point, by_photo, strict=True)):
+                across, along = factor, slope[row]
+                if weight is not None:
+                    across, along = across * weight[k, row], along * weight[k, row]
+                for axis in range(3):
+                    np.multiply(across, axes[axis, row], out=jr[axis])
+                    jr[axis] += along * axes[axis, 2]
+                np.negative(jr, out=each[:3])
+                # d(x, y)/dX projects along the ray, so J (X - X0) = 0: J x D needs no other term
+                for out, (p, q) in zip(each[3:], ((1, 2), (2, 0), (0, 1)), strict=True):
+                    np.multiply(jr[p], away[q], out=out)
+                    out -= jr[q] * away[p]
         xy[k] = at.T
         np.negative(u[2], out=depth[k])
-        by_point, by_photo = np.empty((2, 3, len(factor))), np.empty((2, 6, len(factor)))
-        for row, (jr, each) in enumerate(zip(by_point, by_photo, strict=True)):
-            across, along = factor, slope[row]
-            if weight is not None:
-                across, along = across * weight[k, row], along * weight[k, row]
-            for axis in range(3):
-                np.multiply(across, axes[axis, row], out=jr[axis])
-                jr[axis] += along * axes[axis, 2]
-            np.negative(jr, out=each[:3])
-            # d(x, y)/dX projects along the ray, so J (X - X0) = 0: J x D needs no other term
-            for out, (p, q) in zip(each[3:], ((1, 2), (2, 0), (0, 1)), strict=True):
-                np.multiply(jr[p], away[q], out=out)
-                out -= jr[q] * away[p]
         j[k], photo[k] = by_point.transpose(2, 0, 1), by_photo.transpose(2, 0, 1)
     return Projections(xy, depth, photo, j)
 

@@ -108,6 +108,12 @@ class BlockPlan:
         """Photos of a cross strip."""
         return max(2, ceil((self.strips - 1) * self.spacing / self.base - 1e-9) + 1)
 
+    @property
+    def turns(self) -> bool:
+        """Whether strips can turn about the one line of points that joins two of them."""
+        joined = self.sidelap >= 0.50 or self.cross_strips > 0 or self.strips == 1
+        return not joined and self.control != "perimeter"
+
     def check(self) -> None:
         """Refuse what cannot be flown, or joined.
 

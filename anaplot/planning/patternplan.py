@@ -294,7 +294,8 @@ class _Candidates:
             normal = self._normal + self._added[part].sum(axis=1)
             rows = np.broadcast_to(self._rows.T, (len(normal), *self._rows.T.shape))
             solved = np.linalg.solve(normal, rows)
-            r = 1.0 - np.einsum("ni,kin->kn", self._rows, solved)
+            # none is below zero but by rounding
+            r = np.maximum(1.0 - np.einsum("ni,kin->kn", self._rows, solved), 0.0)
             # a place far out of all measure leaves nothing to solve with
             lost = np.linalg.cond(normal) > 1e8
             out[begin : begin + _AT_ONCE] = np.where(lost, np.nan, r.min(axis=1))

@@ -11,7 +11,7 @@ from anaplot.aliases import Progress
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.problem import Datum
 from anaplot.bundle.solve.rulesofthumb import rules_of_thumb
-from anaplot.errors import InputError
+from anaplot.errors import InputError, NotComputableError
 from anaplot.exchange.blockfolder import block_files, write_block
 from anaplot.planning.blockplan import (
     Accuracy,
@@ -177,18 +177,37 @@ def planned_block(
     if progress is not None:
         progress("block", 0.0)
     made = plan_block(plan)
-    datum: Datum = "free" if plan.control == "none" else "control"
-    block = made.evaluated(datum)
+    block = _evaluated(plan, made)
     added = None
     many = None if stabilize is None else int(stabilize)
     if many:
         sets = _stabilizing(plan, made, block)
         added = extra_points(sets, many, _NEAR * plan.base)
         made = plan_block(plan, {point.name: point.place for point in added})
-        block = made.evaluated(datum)
+        block = _evaluated(plan, made)
     sets = _stabilizing(plan, made, block, _SHOWN) if many != 0 else ()
     found = PlannedBlock(plan, made, block, sets, added)
     return Computed(found, plan_block_document(found))
+
+
+def _evaluated(plan: BlockPlan, made: IdealBlock) -> AdjustedBlock:
+    """Return what a block is worth.
+
+    Raises
+    ------
+    NotComputableError
+        It is not determined; the message says what would hold strips that turn.
+    """
+    datum: Datum = "free" if plan.control == "none" else "control"
+    try:
+        return made.evaluated(datum)
+    except NotComputableError as error:
+        if not plan.turns:
+            raise
+        raise NotComputableError(
+            f"{error}: below 50 % side lap one line of points joins two strips, and they turn about"
+            " it; control perimeter, a cross strip or a side lap from 50 % holds them"
+        ) from error
 
 
 def _stabilizing(

@@ -476,7 +476,7 @@ def test_a_given_movement_is_the_hypothesis() -> None:
             given("p13", (0.0, 0.0, 1.0), 1, 3),
             "no movement from 1 to 3: .* as 1 to 2, 2 to 3: give each of these$",
         ),
-        (given("p1", (0.0, 0.0, 1.0), 1, 2), "point p1 is not compared"),
+        (given("p1", (0.0, 0.0, 1.0), 1, 2), "point p1 is not compared: it holds the datum$"),
         (given("p8", (0.0, 0.0, 1.0), 1, 2), "control gives Z of point p8 in both epochs"),
     ],
 )

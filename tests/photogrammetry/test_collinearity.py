@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
@@ -41,6 +42,20 @@ def test_rays_have_the_photo_and_the_point_of_their_numbers() -> None:
         got = found(centres, rotations, c, points, (photo, point))
         for part, wanted in zip(got, found(*each), strict=True):
             np.testing.assert_array_equal(part, wanted)
+
+
+@pytest.mark.parametrize("weighted", [False, True])
+def test_a_point_beside_its_centre_has_no_image_and_no_warning(weighted) -> None:
+    # warnings are errors here
+    centres, c, weight = np.zeros((2, 3)), np.array([150.0, 150.0]), np.full((2, 2), 0.5)
+    points = np.array([[3.0, 4.0, 0.0], [0.0, 0.0, 0.0]])
+    rotations = np.array([np.eye(3), np.eye(3)])
+    got = project_with_derivatives(
+        centres, rotations, c, points, weight=weight if weighted else None
+    )
+    assert not np.isfinite(got.xy).any()
+    assert not np.isfinite(got.point).all(axis=(1, 2)).any()
+    assert not got.depth.any()
 
 
 @given(st.integers(0, 10_000))

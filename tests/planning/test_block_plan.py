@@ -124,6 +124,21 @@ def test_impossible_plans_are_refused(change, said) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("control", ["corners", "none"])
+def test_strips_that_turn_about_one_line_of_points_are_told_what_holds_them(
+    control, capsys
+) -> None:
+    call = ["plan", "block", "--strips", "2", "--photos", "3", "--control", control]
+    # warnings are errors here: a point in the plane of a projection centre gave some
+    assert main(call) == 4
+    [said] = capsys.readouterr().err.splitlines()
+    assert "not determined" in said
+    assert "and they turn about it; control perimeter, a cross strip or a side lap" in said
+    for held in (["--cross-strips", "1"], ["--sidelap", "50"]):
+        assert main([*call, *held]) == 0
+
+
+@pytest.mark.slow
 def test_the_command_and_the_folder(tmp_path: Path, capsys) -> None:
     folder, table = tmp_path / "block", tmp_path / "classes.csv"
     call = ["plan", "block", "--strips", "2", "--photos", "4", "--twin", "--control-m", "0.02"]

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from idealmodel import ideal
 
@@ -39,6 +40,19 @@ def test_no_further_point_lowers_a_redundancy_number_and_the_advice_is_true(name
     assert {(a.x, a.y, a.tie) for a in advice} == set(tried)
     for one in advice:
         assert one.after == pytest.approx(tried[one.x, one.y, one.tie])
+
+
+def test_no_redundancy_number_is_below_nothing():
+    """Five points have none, and rounding is no number: the page said -0.000."""
+    places = ((0.0, 90.0), (0.0, -90.0), (90.0, 90.0), (90.0, -90.0), (45.0, 0.0))
+    plan = replace(
+        from_pattern(pattern("6"), *GEOMETRY),
+        points=tuple((str(k), x, y) for k, (x, y) in enumerate(places)),
+    )
+    wide = grid((0.0, 90.0), (-90.0, 90.0), 3)
+    for advice in (advise_points(plan, wide)[0], advise_point_sets(plan, wide)[0]):
+        assert advice.before == pytest.approx(0.0, abs=1e-12)
+        assert not np.signbit(advice.before)
 
 
 @pytest.mark.parametrize(("name", "tie", "no_tie"), [("9/3", 0.287, 0.273), ("13/5", 0.594, 0.590)])

@@ -51,9 +51,9 @@ def expected_movements(
     for row in rows:
         mine = of.get(row.point)
         if mine is None:
-            raise InputError(
-                f"{row.where}: point {row.point} is not compared{hint(row.point, list(of))}"
-            )
+            held = common.whole(row.point)
+            why = ": it holds the datum" if held else hint(row.point, list(of))
+            raise InputError(f"{row.where}: point {row.point} is not compared{why}")
         first, second = row.first, row.second
         if first is None or second is None:
             if count > 2:
