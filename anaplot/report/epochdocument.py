@@ -9,6 +9,7 @@ from anaplot.bundle.epochs.located import Located
 from anaplot.bundle.epochs.overall import Overall
 from anaplot.bundle.epochs.series import EpochDifferences, EpochSeries
 from anaplot.bundle.epochs.seriestests import SeriesTests
+from anaplot.bundle.epochs.stabletests import held_points
 from anaplot.bundle.epochs.variances import VarianceRatio
 from anaplot.bundle.hypotheses.verdict import VarianceFactor, Verdict
 from anaplot.report.document import BLANK, Answer, Block, Document, Line, named, say
@@ -278,7 +279,10 @@ def _hypotheses(found: EpochTests | SeriesTests, expected: bool) -> list[Block]:
         *_explained(found.located),
     ]
     if found.agreement is not None:
-        out.append(_line("the stable points have not moved", found.agreement))
+        of = found.differences if isinstance(found, EpochTests) else found.series
+        have = "has" if of.datum == "control" else "have"
+        label = f"the {held_points(of.datum)} {have} not moved"
+        out.append(_line(label, found.agreement))
         out += _explained(found.located_stable)
     return out
 

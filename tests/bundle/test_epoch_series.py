@@ -644,6 +644,7 @@ def test_the_command(tmp_path, capsys) -> None:
     assert found["pairs"][0]["alpha"] == pytest.approx(0.05 / 3)
     assert found["overall"]["families"] == [
         "all points",
+        "common control",
         "points",
         "pairs of epochs",
         "single epochs",

@@ -273,23 +273,23 @@ def test_all_families_together_keep_one_level(stable, test) -> None:
     moved = apart = 0
     for _ in range(runs):
         # without movement: displacements and what is left of v'Pv know nothing of each other
-        conditions = 0 if found.agreement is None else found.agreement.dimension
-        agree = float(rng.chisquare(conditions)) if conditions else 0.0
-        left = float(rng.chisquare(found.redundancy - conditions))
+        held = found.agreement
+        agree = float(rng.chisquare(held.dimension))
+        left = float(rng.chisquare(held.redundancy))
+        # what stable points need not agree in is the joint adjustment's; control adds its own
+        own = found.redundancy - held.redundancy - stable * held.dimension
+        more = float(rng.chisquare(own)) if own else 0.0
         fresh = replace(
             found,
             d=root @ rng.normal(size=len(root)),
-            vtpv=left + agree,
-            agreement=found.agreement and replace(found.agreement, square=agree),
+            vtpv=left + stable * agree + more,
+            agreement=replace(held, square=agree, vtpv=left),
         )
         tested = epoch_tests(fresh, alpha=alpha)
         assert tested.overall is not None
         families = tested.overall.families
-        assert families == (
-            ("all points", "stable points", "points", "coordinates")
-            if stable
-            else ("all points", "points", "coordinates")
-        )
+        held_by = "stable points" if stable else "common control"
+        assert families == ("all points", held_by, "points", "coordinates")
         moved += tested.any_moved
         verdicts = [tested.everything, tested.agreement, *(p.verdict for p in tested.points)]
         verdicts += [c.verdict for p in tested.points for c in p.coordinates]

@@ -181,13 +181,14 @@ def test_the_exit_code_of_compare_is_its_conclusion(tmp_path: Path, capsys) -> N
         call = ["compare", str(first), str(other), "--fail-on-flag", "--separate"]
         assert cli.main([*call, "--json"]) == int(moved)
         overall = json.loads(capsys.readouterr().out)["overall"]
-        assert overall["families"] == ["all points", "points", "coordinates"]
+        families = ["all points", "common control", "points", "coordinates"]
+        assert overall["families"] == families
         assert overall["rejected"] is moved
         assert (overall["significance"] < overall["alpha"]) is moved
         assert cli.main(call) == int(moved)
         text = capsys.readouterr().out
         assert f"ANYTHING MOVED: {'yes' if moved else 'no'}, P " in text
-        assert "3 families (all points, points, coordinates) together at alpha 0.05" in text
+        assert f"4 families ({', '.join(families)}) together at alpha 0.05" in text
 
 
 def test_a_probability_of_nothing_is_a_bound() -> None:

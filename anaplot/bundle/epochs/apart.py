@@ -19,10 +19,12 @@ __all__ = ["Agreement", "displacements_apart", "displacements_laid"]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Agreement:
-    """How well points that are taken as stable agree between the epochs.
+    """How well the points that hold the datum agree between the epochs, as free networks see them.
 
     Attributes
     ----------
+    points
+        Names of the s points.
     square, dimension
         Quadratic form R for the a-priori sigma0 and its degrees of freedom, 3 s - 7 for every epoch
         after the first.
@@ -30,12 +32,17 @@ class Agreement:
         (3 s (k - 1),) differences [m] of the s points laid onto each other, each epoch of k minus
         the one before, for one point after the other, and the pseudo-inverse [1/m^2] of their
         cofactors; both from separate adjustments.
+    vtpv, redundancy
+        Sums of the free networks, in which the points need not agree.
     """
 
+    points: tuple[str, ...]
     square: float
     dimension: int
     d: Array = field(repr=False)
     information: Array = field(repr=False)
+    vtpv: float
+    redundancy: int
 
 
 def displacements_apart(
@@ -122,7 +129,15 @@ def displacements_laid(
     part = vectors.T @ d[first:]
     square = float(np.sum(part * part / values))
     information = (vectors / values) @ vectors.T
-    agreement = Agreement(square, rank, d[first:], information)
+    agreement = Agreement(
+        tuple(stable),
+        square,
+        rank,
+        d[first:],
+        information,
+        sum(one.vtpv for one in alone),
+        sum(one.redundancy for one in alone),
+    )
     return _places(moves, names, at) + origin, d[:first], q[:first, :first], agreement
 
 

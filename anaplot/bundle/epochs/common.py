@@ -20,6 +20,7 @@ __all__ = [
     "check_stable",
     "common_control",
     "is_weighted",
+    "nearly_in_line",
     "ordinal",
     "stable_points",
 ]
@@ -29,7 +30,7 @@ Epochs = frozenset[int]
 
 _AXES = "XYZ"
 _APART = 5.0  # standard deviations by which control of one datum never differs
-_FLAT = 1e-3  # of the extent: stable points closer to one line than this do not hold a rotation
+_FLAT = 1e-3  # of the extent: points closer to one line than this do not hold a rotation
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,6 +180,13 @@ def _stated(value: float | None, sigma: float | None) -> str:
     return "not known" if value is None else f"{value:.10g} (sigma {sigma:g})"
 
 
+def nearly_in_line(block: AdjustedBlock, points: Sequence[str]) -> bool:
+    """Whether points of a block lie on one line, as far as a rotation about it is concerned."""
+    at = point_places(block, points, block.state.origin)
+    spread = np.linalg.svd(at - at.mean(axis=0), compute_uv=False)
+    return not spread[1] > _FLAT * spread[0]
+
+
 def check_stable(alone: Sequence[AdjustedBlock], stable: Sequence[str]) -> None:
     """Refuse points that do not hold a datum.
 
@@ -196,9 +204,7 @@ def check_stable(alone: Sequence[AdjustedBlock], stable: Sequence[str]) -> None:
             raise InputError(f"stable points that epoch {number} does not have: {listed(missing)}")
     if len(names) < 3:
         raise InputError(f"{len(names)} stable points do not hold a datum: at least 3")
-    at = point_places(alone[0], names, alone[0].state.origin)
-    spread = np.linalg.svd(at - at.mean(axis=0), compute_uv=False)
-    if not spread[1] > _FLAT * spread[0]:
+    if nearly_in_line(alone[0], names):
         raise NotComputableError(
             f"the stable points {listed(names)} lie on one line: the rotation about it is open"
         )

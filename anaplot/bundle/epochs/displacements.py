@@ -27,6 +27,7 @@ from anaplot.bundle.epochs.common import (
     stable_points,
 )
 from anaplot.bundle.epochs.expected import expected_movements
+from anaplot.bundle.epochs.heldcontrol import control_agreement
 from anaplot.bundle.epochs.joint import adjust_jointly, joint_displacements
 from anaplot.bundle.epochs.moves import Move, chosen_points, moves_of
 from anaplot.bundle.epochs.series import EpochDifferences, EpochSeries
@@ -176,6 +177,9 @@ def compare_series(
         )
         # what the block lacks, the epochs by themselves say
         remarks += [f"jointly: {warning}" for warning in warnings]
+    agreement = found.agreement
+    if not stable and additional is None:
+        agreement = control_agreement(alone, common, progress)
     if twice is not None:
         remarks.append(twice)
     without = additional is not None and before is None
@@ -203,7 +207,7 @@ def compare_series(
         alone=tuple((one.vtpv, one.redundancy) for one in alone),
         by_known=sigma0_known(blocks[0].test.kind),
         power=blocks[0].test.power,
-        agreement=found.agreement,
+        agreement=agreement,
         names=tuple(tuple(mine) for mine in names),
         remarks=tuple(dict.fromkeys(remarks)),
     )

@@ -17,7 +17,7 @@ from anaplot.aliases import Index
 from anaplot.bundle.epochs.located import Located
 from anaplot.bundle.epochs.overall import Overall, overall
 from anaplot.bundle.epochs.series import EpochDifferences
-from anaplot.bundle.epochs.stabletests import datum_tests
+from anaplot.bundle.epochs.stabletests import datum_tests, held_points
 from anaplot.bundle.epochs.undertest import (
     Limits,
     Orthogonal,
@@ -123,7 +123,8 @@ class EpochTests:
         "No point has moved", or with a given movement "every point has moved so"; None when the
         cofactors are singular.
     agreement
-        "The points that hold the datum have not moved"; None when control holds it.
+        "The points that hold the datum have not moved", stable ones or the control of all epochs;
+        None where that is not tested.
     variance
         Of both epochs by themselves; None without redundancy in one, or where its residuals are
         rounding.
@@ -155,7 +156,7 @@ class EpochTests:
         return overall(
             {
                 "all points": [self.everything],
-                "stable points": [self.agreement],
+                held_points(self.differences.datum): [self.agreement],
                 "points": [p.verdict for p in self.points],
                 "coordinates": [c.verdict for p in self.points for c in p.coordinates],
             },
@@ -187,8 +188,7 @@ def epoch_tests(found: EpochDifferences, *, alpha: float = 0.05) -> EpochTests:
         Not 0 < alpha < power < 1.
     """
     tested = pair_tests(found, alpha=alpha)
-    variance = VarianceFactor(found.vtpv, found.redundancy, found.by_known)
-    datum = datum_tests(found, found.common, variance, alpha)
+    datum = datum_tests(found, alpha)
     return replace(
         tested,
         agreement=datum.agreement,

@@ -58,8 +58,8 @@ class EpochDifferences:
     power
         That of the first epoch's [test].
     agreement
-        Of the points that hold the datum when they are declared stable, or None; of two epochs out
-        of more, None.
+        Of the points that hold the datum, declared stable or control of all epochs, or None; of two
+        epochs out of more, None.
     only_first, only_second
         Names of points of one epoch alone.
     remarks

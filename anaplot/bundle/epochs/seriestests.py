@@ -23,7 +23,7 @@ from anaplot.bundle.epochs.displacementtests import EpochTests, pair_tests
 from anaplot.bundle.epochs.located import Located
 from anaplot.bundle.epochs.overall import Overall, overall
 from anaplot.bundle.epochs.series import EpochSeries
-from anaplot.bundle.epochs.stabletests import datum_tests
+from anaplot.bundle.epochs.stabletests import datum_tests, held_points
 from anaplot.bundle.epochs.undertest import (
     Limits,
     Orthogonal,
@@ -113,7 +113,7 @@ class SeriesTests:
         "No point has moved in any epoch", or every point as given; None when the cofactors are
         singular.
     agreement
-        "The points that hold the datum have not moved"; None when control holds it.
+        As `EpochTests` has it.
     points
         Every point.
     pairs
@@ -146,7 +146,7 @@ class SeriesTests:
         return overall(
             {
                 "all points": [self.everything],
-                "stable points": [self.agreement],
+                held_points(self.series.datum): [self.agreement],
                 "points": [p.verdict for p in self.points],
                 "pairs of epochs": [pair.everything for pair in self.pairs],
                 "single epochs": [one.verdict for one in self.against],
@@ -204,7 +204,7 @@ def series_tests(series: EpochSeries, *, alpha: float = 0.05) -> SeriesTests:
     between = [series.between(*pair) for pair in combinations(range(len(series.epochs)), 2)]
     compared = [pair for pair in between if pair.points]
     each = bonferroni_alpha(alpha, len(compared))
-    datum = datum_tests(series, series.common.points(), variance, alpha)
+    datum = datum_tests(series, alpha)
     return SeriesTests(
         series,
         alpha,

@@ -124,13 +124,18 @@ def _accuracy(found: EpochTests | SeriesTests) -> Line:
 
 def _next(found: EpochTests | SeriesTests) -> Line:
     of = found.differences if isinstance(found, EpochTests) else found.series
+    refuted = found.agreement is not None and bool(found.agreement.rejected)
+    if refuted and of.datum == "control":
+        # what the epochs flag may come of it
+        return say("Next: see whether the control that is named has moved, or hold the datum by "
+                   "other points (--stable)").of("look")  # fmt: skip
     wrong = [(epoch, count) for epoch, count in enumerate(of.flagged, 1) if count]
     if wrong:
         shown = named([say("{} of epoch {}", count, epoch) for epoch, count in wrong])
         return say("Next: look at what each epoch flags first (anaplot adjust): {}", shown).of(
             "look"
         )
-    if found.agreement is not None and found.agreement.rejected:
+    if refuted:
         return say("Next: hold other points stable: those that were named have moved").of("look")
     if found.overall is not None and found.overall.rejected:
         return say("Next: measure the points that have moved again, to be sure of them")

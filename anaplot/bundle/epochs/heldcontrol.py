@@ -1,0 +1,60 @@
+"""Whether the control that all epochs have is where it was, as their free networks see it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from anaplot.aliases import Progress
+from anaplot.bundle.adjust import adjust_bundle
+from anaplot.bundle.epochs.apart import Agreement, displacements_laid
+from anaplot.bundle.epochs.common import Common, nearly_in_line
+from anaplot.bundle.epochs.joint import progress_of
+from anaplot.bundle.solve.adjusted import AdjustedBlock
+from anaplot.bundle.start.freenetwork import free_network
+from anaplot.errors import NotComputableError
+
+__all__ = ["control_agreement"]
+
+_LEAST = 3  # points that a similarity is found by
+
+
+def control_agreement(
+    alone: Sequence[AdjustedBlock], common: Common, progress: Progress | None
+) -> Agreement | None:
+    """Return how well the common control agrees between the epochs without any of it.
+
+    Control that has moved bends every epoch after it, and shows as rays or points beside it.
+
+    Parameters
+    ----------
+    alone
+        The epochs, each adjusted by itself, without additional parameters.
+    common
+        What control gives in several of them.
+    progress
+        Called with what is being done and the fraction of it.
+
+    Returns
+    -------
+    Agreement or None
+        None where fewer than three points not on one line are control in all epochs, or an epoch
+        has no free network.
+    """
+    every = frozenset(range(len(alone)))
+    names = [name for name in common.points() if common.whole(name) == every]
+    if len(names) < _LEAST:
+        return None
+    free = []
+    for number, one in enumerate(alone, start=1):
+        try:
+            problem, state = free_network(one.problem, one.state)
+            part = progress_of(f"epoch {number} without control", progress)
+            free.append(adjust_bundle(problem, state, progress=part))
+        except (NotComputableError, np.linalg.LinAlgError):
+            return None
+    there = [name for name in names if all(name in set(net.problem.points) for net in free)]
+    if len(there) < _LEAST or nearly_in_line(free[0], there):
+        return None
+    return displacements_laid(free, (), there)[3]
