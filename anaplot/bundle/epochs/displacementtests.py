@@ -15,6 +15,7 @@ import numpy as np
 
 from anaplot.aliases import Index
 from anaplot.bundle.epochs.located import Located
+from anaplot.bundle.epochs.othernames import exchanged_names
 from anaplot.bundle.epochs.overall import Overall, overall
 from anaplot.bundle.epochs.series import EpochDifferences
 from anaplot.bundle.epochs.stabletests import datum_tests, held_points
@@ -189,11 +190,12 @@ def epoch_tests(found: EpochDifferences, *, alpha: float = 0.05) -> EpochTests:
     """
     tested = pair_tests(found, alpha=alpha)
     datum = datum_tests(found, alpha)
+    sigma = VarianceFactor(found.vtpv, found.redundancy, found.by_known).used
     return replace(
         tested,
         agreement=datum.agreement,
         located_stable=datum.located_stable,
-        remarks=datum.remarks,
+        remarks=(*datum.remarks, *exchanged_names([found], sigma)),
     )
 
 

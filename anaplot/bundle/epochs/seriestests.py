@@ -21,6 +21,7 @@ from anaplot.aliases import Bools, Index
 from anaplot.bundle.epochs.againstall import AgainstAll, against_all
 from anaplot.bundle.epochs.displacementtests import EpochTests, pair_tests
 from anaplot.bundle.epochs.located import Located
+from anaplot.bundle.epochs.othernames import exchanged_names
 from anaplot.bundle.epochs.overall import Overall, overall
 from anaplot.bundle.epochs.series import EpochSeries
 from anaplot.bundle.epochs.stabletests import datum_tests, held_points
@@ -216,7 +217,7 @@ def series_tests(series: EpochSeries, *, alpha: float = 0.05) -> SeriesTests:
         against_all(series, test, limits.square, alpha),
         located,
         datum.located_stable,
-        datum.remarks,
+        (*datum.remarks, *exchanged_names(compared, variance.used)),
     )
 
 
