@@ -21,6 +21,7 @@ from anaplot.report.document import (
     stacked,
     table,
 )
+from anaplot.report.movementdecimals import movement_decimals
 from anaplot.report.verdicts import probability, verdict_json
 
 __all__ = [
@@ -40,19 +41,27 @@ def _moved(verdict: Verdict | None) -> bool | None:
     return None if verdict is None else verdict.rejected
 
 
-def _millimetres(value: float | str) -> str:
-    return value if isinstance(value, str) else fitted(value * 1e3, 2, 8)
+def _moves(decimals: int) -> tuple[Column, ...]:
+    def millimetres(value: float | str) -> str:
+        return value if isinstance(value, str) else fitted(value * 1e3, decimals, 8)
+
+    def length(key: str, title: str) -> Column:
+        return number(key, title, decimals, 9, unit="m", scale=1e3)
+
+    return (
+        name("point", "POINT", 5),
+        *for_programs("X", "Y", "Z", "dX", "dY", "dZ"),
+        *(Column("", f"d{axis} [mm]", 9, form=millimetres) for axis in "XYZ"),
+        *(length(f"s{axis}", f"s{axis}") for axis in "XYZ"),
+        length("length", "length"),
+        length("s_length", "s"),
+    )
 
 
-_EXPECTED = tuple(number(f"w{axis}", f"w{axis}", 2, 9, unit="m", scale=1e3) for axis in "XYZ")
-_MOVES = (
-    name("point", "POINT", 5),
-    *for_programs("X", "Y", "Z", "dX", "dY", "dZ"),
-    *(Column("", f"d{axis} [mm]", 9, form=_millimetres) for axis in "XYZ"),
-    *(number(f"s{axis}", f"s{axis}", 2, 9, unit="m", scale=1e3) for axis in "XYZ"),
-    number("length", "length", 2, 9, unit="m", scale=1e3),
-    number("s_length", "s", 2, 9, unit="m", scale=1e3),
-)
+def _expected(decimals: int) -> tuple[Column, ...]:
+    return tuple(number(f"w{axis}", f"w{axis}", decimals, 9, unit="m", scale=1e3) for axis in "XYZ")
+
+
 _TESTS = (
     Column("P", "P", 9, form=probability),
     *for_programs("moved_bonferroni", "moved_scheffe"),
@@ -61,8 +70,8 @@ _TESTS = (
 )
 
 
-def _columns(expected: bool) -> tuple[Column, ...]:
-    return (*_MOVES, *(_EXPECTED if expected else ()), *_TESTS)
+def _columns(expected: bool, decimals: int) -> tuple[Column, ...]:
+    return (*_moves(decimals), *(_expected(decimals) if expected else ()), *_TESTS)
 
 
 def pair_table(found: EpochTests) -> Table:
@@ -78,7 +87,8 @@ def pair_table(found: EpochTests) -> Table:
              None if test is None else test.significance, _moved(p.verdict), p.scheffe,
              _marks(p, expected), _moved(p.orthogonal))
         )  # fmt: skip
-    return table("displacements", _columns(expected), rows)
+    columns = _columns(expected, movement_decimals(found.differences))
+    return table("displacements", columns, rows)
 
 
 def is_marked(found: EpochTests) -> bool:
@@ -100,7 +110,8 @@ def pairs_table(found: SeriesTests, pairs: Sequence[EpochTests]) -> Table:
     for pair in pairs:
         first, second = pair.differences.numbers
         parts.append(((first, second, f"{first}-{second}"), pair_table(pair)))
-    columns = _columns(found.series.expected is not None)
+    # one number of decimals for all pairs
+    columns = _columns(found.series.expected is not None, movement_decimals(found.series))
     leading = for_programs("from", "to", "epochs")
     one = stacked("displacements", leading, columns, parts)
     return replace(one, group="epochs")
@@ -110,11 +121,12 @@ def series_table(found: SeriesTests) -> Table:
     """Return every point through its epochs: when it moved, and how far each time."""
     later = range(2, len(found.series.epochs) + 1)
     expected = found.series.expected is not None
+    decimals = movement_decimals(found.series)
     columns = (
         name("point", "POINT", 5),
         *for_programs("X", "Y", "Z", "epochs"),
         name("moved", "MOVED", 5),
-        *(number(f"length_{k}", f"to {k} [mm]", 2, 10, unit="m", scale=1e3) for k in later),
+        *(number(f"length_{k}", f"to {k} [mm]", decimals, 10, unit="m", scale=1e3) for k in later),
         *for_programs(*(f"s_length_{k}" for k in later), unit="m"),
         *_TESTS,
     )

@@ -17,6 +17,7 @@ from anaplot.drawing.plot import Head, Plot
 from anaplot.drawing.thinning import thinned
 from anaplot.drawing.ticks import round_down, written
 from anaplot.report.columns import counted
+from anaplot.report.movementdecimals import movement_decimals
 
 __all__ = ["displacement_maps"]
 
@@ -68,7 +69,7 @@ def _map(
     largest = int(np.argmax(np.where(free, length, -1.0)))
     numbers = (
         f"{counted(int(free.sum()), 'point')}, {int(moved[free].sum())} moved, largest "
-        f"{1e3 * length[largest]:.1f} mm at point {of.points[largest]}"
+        f"{1e3 * length[largest]:.{movement_decimals(of) - 1}f} mm at point {of.points[largest]}"
     )
     head = Head(f"{key}-{first}-{second}", title, f"{numbers}.")
     plot = Plot(head, equal_frame(head.bottom, at, margin=0.12))

@@ -16,6 +16,7 @@ from anaplot.report.document import Document, Line, Listed, Table, named, say
 from anaplot.report.epochtables import is_marked
 from anaplot.report.figures.displacements import displacement_maps
 from anaplot.report.html.parts import Captioned, HtmlBlock, Report, Section
+from anaplot.report.movementdecimals import movement_decimals
 from anaplot.report.verdicts import probability
 
 __all__ = ["epoch_report"]
@@ -71,8 +72,9 @@ def _rejected(points: Sequence[PointMove] | Sequence[PointSeries]) -> list[str]:
 def _what(found: EpochTests | SeriesTests) -> Line:
     if isinstance(found, EpochTests):
         marked = set(_rejected(found.points))
+        form = f"{{:.{movement_decimals(found.differences) - 1}f}}"
         lines = [
-            say("{} by {:.1f} mm (s {:.1f||-})", p.point, 1e3 * p.length,
+            say(f"{{}} by {form} mm (s {form[:-1]}||-}})", p.point, 1e3 * p.length,
                 None if p.s_length is None else 1e3 * p.s_length)
             for p in found.points
             if p.point in marked
@@ -114,10 +116,12 @@ def _accuracy(found: EpochTests | SeriesTests) -> Line:
                   if c.mdb is not None]  # fmt: skip
     if not lengths:
         return say("Accuracy: not known: sigma0 does not exist")
-    line = say("Accuracy: displacements have standard deviations of {:.1f} mm (median)",
+    of = found.differences if isinstance(found, EpochTests) else found.series
+    form = f"{{:.{movement_decimals(of) - 1}f}}"
+    line = say(f"Accuracy: displacements have standard deviations of {form} mm (median)",
                1e3 * float(np.median(lengths)))  # fmt: skip
     if detectable:
-        line += say("; a coordinate's movement is found from {:.1f} mm on (median), with power "
+        line += say(f"; a coordinate's movement is found from {form} mm on (median), with power "
                     "{:g}", 1e3 * float(np.median(detectable)), found.power)  # fmt: skip
     return line
 
