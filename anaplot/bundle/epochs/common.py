@@ -200,6 +200,8 @@ def check_stable(alone: Sequence[AdjustedBlock], stable: Sequence[str]) -> None:
     names = list(dict.fromkeys(stable))
     for number, block in enumerate(alone, start=1):
         missing = [name for name in names if name not in set(block.problem.points)]
+        why = {part.name: part.reason for part in block.problem.left_out if part.kind == "point"}
+        missing = [f"{name} (it {why[name]})" if name in why else name for name in missing]
         if missing:
             raise InputError(f"stable points that epoch {number} does not have: {listed(missing)}")
     if len(names) < 3:

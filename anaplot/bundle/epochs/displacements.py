@@ -159,7 +159,11 @@ def compare_series(
                 "their control is of one system is not checked"
             )
     names = [_points_in_order(block) for block in alone]
-    chosen = chosen_points(names, common, points)
+    left_out = [
+        {part.name: part.reason for part in one.problem.left_out if part.kind == "point"}
+        for one in alone
+    ]
+    chosen = chosen_points(names, common, points, left_out)
     moves = moves_of(chosen, names, common)
     expected = None
     if given:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from math import comb
 from typing import NamedTuple
 
@@ -41,7 +41,10 @@ class Move(NamedTuple):
 
 
 def chosen_points(
-    names: Sequence[Sequence[str]], common: Common, asked: Sequence[str]
+    names: Sequence[Sequence[str]],
+    common: Common,
+    asked: Sequence[str],
+    left_out: Sequence[Mapping[str, str]] = (),
 ) -> tuple[str, ...]:
     """Return the points to compare, in the order of the files.
 
@@ -53,6 +56,8 @@ def chosen_points(
         Points that are one in all epochs that they are in hold the datum.
     asked
         Only these; empty: all.
+    left_out
+        Of each epoch the points that it does not determine, and why.
 
     Raises
     ------
@@ -64,7 +69,9 @@ def chosen_points(
     order = dict.fromkeys(name for each in names for name in each)
     several = [n for n in order if sum(n in each for each in there) > 1]
     if not several:
-        raise InputError(f"the {'two ' if two else ''}epochs have no point in common")
+        raise InputError(
+            f"the {'two ' if two else ''}epochs have no point in common{_lacking(left_out)}"
+        )
     together = set(several)
     for k, each in enumerate(there, start=1):
         if not each & together:
@@ -78,13 +85,16 @@ def chosen_points(
                 continue
             if name in together or common.whole(name):
                 raise InputError(f"point {name} holds the datum: it cannot be compared")
-            raise InputError(f"point {name} is not in {'both' if two else 'two'} epochs")
+            raise InputError(
+                f"point {name} is not in {'both' if two else 'two'} epochs"
+                f"{_lacking(left_out, name)}"
+            )
         free = [n for n in free if n in set(asked)]
         moving = tuple(move for move in moving if move.point in set(asked))
     if not free:
         raise InputError(
             f"nothing to compare: every point that is common to {'both ' if two else ''}epochs "
-            f"holds the datum ({listed(several)})"
+            f"holds the datum ({listed(several)}){_lacking(left_out)}"
         )
     if len(moving) > MOST_MOVES:
         what = f"{len(free)} common points" if two else f"{len(moving)} movements of common points"
@@ -96,6 +106,17 @@ def chosen_points(
             "can be compared at once: choose (--points), or compare fewer epochs"
         )
     return tuple(free)
+
+
+def _lacking(left_out: Sequence[Mapping[str, str]], name: str | None = None) -> str:
+    """Say that an epoch has measured a point, or any, and does not determine it."""
+    for epoch, reasons in enumerate(left_out, start=1):
+        one = next(iter(reasons), None) if name is None else name
+        if one is not None and one in reasons:
+            which = "it" if name is not None else f"point {one}"
+            more = "" if name is not None or len(reasons) == 1 else f" ({len(reasons)} such points)"
+            return f": in epoch {epoch} {which} {reasons[one]}{more}"
+    return ""
 
 
 def moves_of(
