@@ -73,6 +73,19 @@ def test_two_points_do_not_check_each_other(names, there) -> None:
     assert agreement is None or agreement.points == names
 
 
+def test_control_that_was_surveyed_anew_may_have_moved() -> None:
+    by = np.array([0.0, 0.05, 0.02])  # within what its sigmas allow
+    second = epoch(12, moved={"p5": tuple(by)})
+    control = tuple(
+        replace(row, xyz=tuple(map(float, np.array(row.xyz) + by))) if row.point == "p5" else row
+        for row in second.control
+    )
+    found = compare_epochs(
+        epoch(11), replace(second, control=control), points=("p8",), separate=True
+    )
+    assert found.agreement.points == ("p1", "p3", "p31", "p33", "p35")
+
+
 def test_the_command_says_so(tmp_path, capsys) -> None:
     one, two = written(tmp_path, epoch(11), epoch(12, moved=AWAY))[:2]
     assert main(["compare", one, two, "--fail-on-flag"]) == 1

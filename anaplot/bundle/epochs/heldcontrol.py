@@ -39,11 +39,20 @@ def control_agreement(
     Returns
     -------
     Agreement or None
-        None where fewer than three points not on one line are control in all epochs, or an epoch
-        has no free network.
+        None where fewer than three points not on one line are control in all epochs, with the same
+        coordinates, or an epoch has no free network.
     """
     every = frozenset(range(len(alone)))
-    names = [name for name in common.points() if common.whole(name) == every]
+    # what was surveyed anew may have moved as its coordinates say
+    places = [
+        {row.point: row.xyz for row in one.problem.block.control if row.use == "control"}
+        for one in alone
+    ]
+    names = [
+        name
+        for name in common.points()
+        if common.whole(name) == every and len({each[name] for each in places}) == 1
+    ]
     if len(names) < _LEAST:
         return None
     free = []
