@@ -252,6 +252,8 @@ def plan_block(
         strips=strips,
         models=_Models(strips, stations, places, size / 2.0) if plan.stereo else None,
         image_um=plan.image_um,
+        # without control nothing else tells how long a metre is
+        stated=plan.control == "none",
     )
 
 

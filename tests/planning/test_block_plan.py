@@ -139,6 +139,18 @@ def test_strips_that_turn_about_one_line_of_points_are_told_what_holds_them(
 
 
 @pytest.mark.slow
+def test_a_folder_without_control_has_the_unit_of_the_plan(tmp_path: Path, capsys) -> None:
+    folder = tmp_path / "block"
+    call = ["plan", "block", "--strips", "2", "--photos", "4", "--sidelap", "60"]
+    assert main([*call, "--control", "none", "--json", "--to", str(folder)]) == 0
+    planned = json.loads(capsys.readouterr().out)["indicators"]
+    found = adjust_block(read_block(folder), datum="free").indicators()
+    assert (found.ai_x, found.ai_y, found.ai_z) == pytest.approx(
+        (planned["ai_x"], planned["ai_y"], planned["ai_z"]), rel=1e-6
+    )
+
+
+@pytest.mark.slow
 def test_the_command_and_the_folder(tmp_path: Path, capsys) -> None:
     folder, table = tmp_path / "block", tmp_path / "classes.csv"
     call = ["plan", "block", "--strips", "2", "--photos", "4", "--twin", "--control-m", "0.02"]
