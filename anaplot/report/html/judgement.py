@@ -21,6 +21,7 @@ from anaplot.bundle.errors.bychance import (
     ALARM,
     exceeding_by_chance,
     may_be_chance,
+    own_tests,
     tested_count,
 )
 from anaplot.bundle.errors.suspects import Suspect, likeliest_suspect
@@ -130,7 +131,7 @@ def judged(found: BlockAdjustment, status: BlockStatus) -> Judgement:
     block = found.block
     tested = tested_count(block)
     scale = _scale(block)
-    cause = _cause(found, scale, tested)
+    cause = _cause(found, scale)
     refused = () if cause is not None else tuple(_refused_beside(found))
     photos = tuple(one.text for one in status.accidents.photos)
     flagged = int(block.tested.flagged.sum())
@@ -189,11 +190,12 @@ class _Accused(NamedTuple):
         return self.square
 
 
-def _cause(found: BlockAdjustment, scale: Scale, tested: int) -> Cause | None:
+def _cause(found: BlockAdjustment, scale: Scale) -> Cause | None:
     """Return the most improbable of what the adjustment itself accuses."""
     accused = list(_accused(found))
     if scale == "larger":
-        accused = [one for one in accused if _stands_out(found.block, one, tested)]
+        among = own_tests(found.block).tests
+        accused = [one for one in accused if _stands_out(found.block, one, among)]
         if not accused:
             return Noise()
     first = max(accused, key=lambda one: one.surprise, default=None)
@@ -223,15 +225,15 @@ def _of_given(given: Given) -> _Accused:
     return _Accused(given, test.square, test.dimension)
 
 
-def _stands_out(block: AdjustedBlock, accused: _Accused, tested: int) -> bool:
-    """Whether what is accused is improbable with the sigma0 that is estimated, too."""
+def _stands_out(block: AdjustedBlock, accused: _Accused, among: int) -> bool:
+    """Whether what is accused is improbable among so many tests with the estimated sigma0, too."""
     if isinstance(accused.cause, Given):
         verdict = accused.cause.part.verdict
         return verdict is None or verdict.estimated is None or verdict.estimated.rejected
     if block.redundancy < 2 or not block.sigma0:
         return True
     tau = TestDistribution(block.redundancy)
-    return exceeding_by_chance(tau, sqrt(accused.square) / block.sigma0, tested) <= ALARM
+    return exceeding_by_chance(tau, sqrt(accused.square) / block.sigma0, among) <= ALARM
 
 
 def tested_parts(found: BlockAdjustment) -> Iterator[Given]:
