@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from anaplot.adjustment.watch import Watch
-from anaplot.aliases import Array
+from anaplot.aliases import Array, Bools, Index
 from anaplot.bundle.onward import adjust_onward
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.remade import laid_out_again
@@ -29,6 +29,10 @@ __all__ = ["DoubleName", "double_names"]
 _ALPHA = 0.001  # of the tests of three conditions
 _SIGMAS = 4.0  # two rays as near as that are one
 _SPARSE = 0.25  # of the usual distance of neighbours: points less certain say nothing
+_WIDER = 36.0  # times the square up to which points may be one: how many are neighbours by chance
+_BY_CHANCE = (
+    0.025  # probability of as many as near, with or without a common photo, in a good block
+)
 _MOST = 4  # of either kind that are tried
 _MOST_DOUBTED = 30  # points whose rays are parted, the largest residuals first
 _MOST_RAYS = 16  # of a point whose rays are parted
@@ -115,7 +119,10 @@ def double_names(block: AdjustedBlock, watch: Watch | None = None) -> tuple[Doub
 
 
 def _near(block: AdjustedBlock, critical: float) -> Iterator[tuple[str, str]]:
-    """Yield the names of what lies at one place and is never seen apart, the nearest first."""
+    """Yield the names of what lies at one place and is never seen apart, the nearest first.
+
+    Where points are dense some lie as near by chance: how many tell those a little farther apart.
+    """
     problem = block.problem
     at, q = block.state.points, block.cofactors.points
     sound = np.flatnonzero(np.isfinite(at).all(axis=1) & np.isfinite(q).all(axis=(1, 2)))
@@ -133,16 +140,61 @@ def _near(block: AdjustedBlock, critical: float) -> Iterator[tuple[str, str]]:
     sound, reach = sound[certain], reach[certain]
     if len(sound) < 2:
         return
-    pairs = cKDTree(at[sound]).query_pairs(2.0**0.5 * float(reach.max()), output_type="ndarray")
+    tree, most = cKDTree(at[sound]), 2.0**0.5 * float(reach.max())
     floor = 1e-6 * np.median(np.trace(q[sound], axis1=1, axis2=2)) * np.eye(3)
-    gaps = []
-    for i, j in sound[pairs].tolist():
-        off = at[i] - at[j]
-        square = float(off @ np.linalg.solve(q[i] + q[j] + floor, off))
-        if square <= critical and not _seen_apart(block, _rays_of(block, i), _rays_of(block, j)):
-            gaps.append((square, problem.points[i], problem.points[j]))
-    for _, first, second in sorted(gaps):
-        yield first, second
+
+    def pairs(wider: float) -> tuple[Index, Array]:
+        """Return (n, 2) points, and what parts them: squares up to so many times the critical."""
+        i, j = tree.query_pairs(wider**0.5 * most, output_type="ndarray").T
+        off = at[sound[i]] - at[sound[j]]
+        # beyond that no square is as small
+        some = np.einsum("ni,ni->n", off, off) <= 1.01 * wider * (reach[i] ** 2 + reach[j] ** 2)
+        first, second, off = sound[i[some]], sound[j[some]], off[some, :, None]
+        square = np.einsum("nij,nij->n", off, np.linalg.solve(q[first] + q[second] + floor, off))
+        meant = square <= wider * critical
+        return np.column_stack((first, second))[meant], square[meant]
+
+    near, squares = pairs(1.0)
+    gaps = [
+        (square, problem.points[i], problem.points[j], i, j)
+        for (i, j), square in zip(near.tolist(), squares.tolist(), strict=True)
+        if not _seen_apart(block, _rays_of(block, i), _rays_of(block, j))
+    ]
+    if not gaps:
+        return
+    gaps.sort()
+    around, beyond = pairs(_WIDER)
+    around = around[beyond > critical]
+    together = _common_photo(block, np.array([gap[3:] for gap in gaps]))
+    # on a surface as many pairs have squares up to s by chance as have some from s to 2 s
+    every, parted = (
+        count / (_WIDER - 1.0) / critical
+        for count in (len(around), int(np.count_nonzero(~_common_photo(block, around))))
+    )
+    for alike, density in ((False, parted), (True, every)):
+        mine = [gap for gap, both in zip(gaps, together.tolist(), strict=True) if both is alike]
+        expected = density * np.array([gap[0] for gap in mine])
+        told = np.flatnonzero(_as_many(np.arange(1, len(mine) + 1), expected) <= _BY_CHANCE)
+        for _, first, second, *_ in mine[: int(told[-1]) + 1 if len(told) else 0]:
+            yield first, second
+
+
+def _as_many(counts: Index, expected: Array) -> Array:
+    """Return the probabilities of counts as large, of Poisson variables with these means."""
+    from scipy.special import pdtrc
+
+    return np.asarray(pdtrc(counts - 1, expected))
+
+
+def _common_photo(block: AdjustedBlock, pairs: Index) -> Bools:
+    """Return which of (n, 2) points are in one photo."""
+    from scipy.sparse import csr_array
+
+    problem = block.problem
+    shape = len(problem.points), len(problem.photos)
+    seen = csr_array((np.ones(len(problem.point)), (problem.point, problem.photo)), shape=shape)
+    both: Array = np.asarray(seen[pairs[:, 0]].multiply(seen[pairs[:, 1]]).sum(axis=1))
+    return both.ravel() > 0.0
 
 
 def _may_meet(at: Array, reach: Array) -> bool:
