@@ -30,9 +30,7 @@ _ALPHA = 0.001  # of the tests of three conditions
 _SIGMAS = 4.0  # two rays as near as that are one
 _SPARSE = 0.25  # of the usual distance of neighbours: points less certain say nothing
 _WIDER = 36.0  # times the square up to which points may be one: how many are neighbours by chance
-_BY_CHANCE = (
-    0.025  # probability of as many as near, with or without a common photo, in a good block
-)
+_BY_CHANCE = 0.025  # of as many as near in a good block, with a common photo or without
 _MOST = 4  # of either kind that are tried
 _MOST_DOUBTED = 30  # points whose rays are parted, the largest residuals first
 _MOST_RAYS = 16  # of a point whose rays are parted
