@@ -81,6 +81,7 @@ class Decoder:
         self._origin = Origin(profile.stage)
         self._heard_cycle: int | None = None
         self._whole = False  # the record decoded last says where it was pressed
+        self._twice = False  # among those decoded at once an answer came that nobody asked for
 
     @property
     def profile(self) -> Profile:
@@ -121,17 +122,16 @@ class Decoder:
                 self._poller.bytes_came(now)
         readings: list[Reading] = list(self._presses.expire(now))
         frames = framer.feed(data, now)
-        unasked = True
+        self._twice = False
         for frame in frames:
             self._whole = False
             if isinstance(frame, Refused):
                 readings.append(frame)
             else:
                 readings.extend(self._decode(frame, now, name))
-            unasked = unasked and self._whole
         if self._poller is not None and frames:
             between = all(one.between for one in self._framers.values())
-            self._poller.records_came(unasked=unasked and between)
+            self._poller.records_came(unasked=self._whole and between and not self._twice)
         return readings
 
     def tick(self, now: float) -> list[Reading]:
@@ -378,6 +378,7 @@ class Decoder:
             return Request(self._cycle - 1, now - _UNDER_WAY)
         request = self._poller.answered(link, now)
         if request is None:
+            self._twice = True
             reason = "a position came that was not asked for"
             self._notes += self._presses.refuse_all(reason, own=False)
         return request

@@ -91,11 +91,12 @@ class Poller:
         Parameters
         ----------
         unasked
-            They were whole records with a position, which answer nothing, and nothing more is
-            begun. The next request need not wait for the line to be quiet: an answer that comes
-            twice comes at once, and so before what was said after it on its line. Of several lines
-            the others may still have one. After a bare press the line must be quiet all the same:
-            there the next answer is the measurement, and not what it is compared with.
+            The last of them was a whole record with a position, which answers nothing, nothing more
+            is begun, and no answer among them had come before. The next request need not wait for
+            the line to be quiet: an answer that comes twice comes at once, and so before what was
+            said after it on its line. Of several lines the others may still have one. After a bare
+            press the line must be quiet all the same: there the next answer is the measurement, and
+            not what it is compared with.
         """
         if unasked:
             self._last_byte = self._last_answer if len(self._owed) > 1 else float("-inf")

@@ -101,14 +101,17 @@ def test_numbered_records_come_once_and_gaps_are_told():
 def test_a_record_is_confirmed_by_an_answer_that_is_asked_for_at_once():
     record = lines(b"R 1 1 " + HERE)
 
-    def wait(*parts: bytes) -> float:
-        """Return how long is waited for the line once these have come, 2 ms apart."""
+    def wait(*parts: bytes, behind: bytes = b"") -> float:
+        """Return how long is waited for the line once these have come, 2 ms apart.
+
+        `behind`: what comes at once with the answer before them.
+        """
         decoder = Decoder(CONFIRMED)
         poller = decoder.poller
         assert poller is not None
         poller.begin(0.0)
         decoder.sent(b"?\n", now=0.0)
-        for k, part in enumerate((lines(b"P " + HERE), *parts), 1):
+        for k, part in enumerate((lines(b"P " + HERE) + behind, *parts), 1):
             decoder.feed(part, 0.002 * k)
         poller.urge()
         return poller.wait(0.002 * (1 + len(parts)))
@@ -116,6 +119,8 @@ def test_a_record_is_confirmed_by_an_answer_that_is_asked_for_at_once():
     assert wait() == pytest.approx(0.02)
     assert wait(record) == 0.0
     assert wait(record[:20], record[20:]) == 0.0
+    assert wait(behind=record) == 0.0
+    assert wait(record[20:], behind=record[:20]) == 0.0
     # the rest of it is not known yet, or it may be an answer
     assert wait(record[:20]) == pytest.approx(0.02)
     assert wait(record + b"P ") == pytest.approx(0.02)
