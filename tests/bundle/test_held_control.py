@@ -48,6 +48,7 @@ def test_in_a_later_epoch_too() -> None:
     assert "common control" in tested.overall.families
 
 
+@pytest.mark.slow
 def test_control_that_stays_agrees_at_alpha() -> None:
     runs, alpha, square, rejected = 40, 0.2, 0.0, 0
     for k in range(runs):
