@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from anaplot.aliases import Array, Bools
+from anaplot.aliases import Array, Bools, Index
 from anaplot.bundle.solve.datum import Anchor, anchor
 from anaplot.bundle.solve.factor import Factor, NotPositiveError
 from anaplot.bundle.solve.imaging import BlockState
@@ -202,8 +202,9 @@ def _looked_at(
         found = _weakest(normal, factor, _WEAKEST)
         noise = float(np.clip(sigma0, 1.0, _MOST))
         by_itself = _by_itself(normal, factor, state, found, noise)
-        if np.any(by_itself > _ITSELF):
-            share = _share_in(normal, found, by_itself > _ITSELF)
+        loose = np.flatnonzero(by_itself > _ITSELF)
+        if len(loose):
+            share = _share_in(normal, found, loose)
             return _Looked(None if share is None else _photos_open(normal.problem, share), None)
         # in a firm block the most that it may be is little
         for seen in _first_some(normal.problem, state):
@@ -229,14 +230,14 @@ def _noise_remark(
     others = np.delete(by_noise, loose)
     if others.max(initial=0.0) > _APART * by_noise[loose].min() or len(others) == 0:
         return None
-    share = _share_in(normal, found, by_noise > _NOISE)
+    share = _share_in(normal, found, loose)
     return None if share is None else _left_open(normal.problem, share, normal, factor)
 
 
-def _share_in(normal: NormalEquations, found: _Movements, loose: Bools) -> Array | None:
+def _share_in(normal: NormalEquations, found: _Movements, loose: Index) -> Array | None:
     """(n,) share of the photos in some movements; None where these are far from their rays."""
     problem = normal.problem
-    share: Array = np.max([_share(found.size[:, :, k]) for k in np.flatnonzero(loose)], axis=0)
+    share: Array = np.max([_share(found.size[:, :, k]) for k in loose.tolist()], axis=0)
     off = np.linalg.norm(normal.linear.e, axis=1)
     for photo in np.flatnonzero(share > _MOVES).tolist():
         if not np.median(off[problem.photo == photo]) <= _FAR:
