@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from journaltools import append_event
+from orientedforw import models_of_w
 
 from anaplot.aliases import Progress
 from anaplot.cli import main
@@ -20,7 +21,6 @@ from anaplot.report import astext
 from anaplot.report.astext import page_parts, page_text
 from anaplot.report.html.sections.switchedoff import protocol_blocks
 from anaplot.report.logcommand import log_document
-from anaplot.session import changes as changes_module
 from anaplot.session.changes import Change, Sizes
 from anaplot.session.events import (
     ModelChosen,
@@ -29,7 +29,6 @@ from anaplot.session.events import (
     ReasonGiven,
     RowSwitched,
 )
-from anaplot.session.models import solve_among
 from anaplot.station.sessionlog import SessionLog, read_log
 
 SESSION = Path(__file__).parents[1] / "sessions" / "changes.jsonl"
@@ -146,13 +145,7 @@ def test_what_contradicts_a_journal_that_ends_torn_may_be_the_newer(tmp_path: Pa
 def test_w_is_computed_for_the_rows_that_are_shown(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    asked: list[str] = []
-
-    def counted(block, models, model):
-        asked.append(model.name)
-        return solve_among(block, models, model)
-
-    monkeypatch.setattr(changes_module, "solve_among", counted)
+    asked = models_of_w(monkeypatch)
     found = read_log(SESSION)
     again = [one for one in found if one.what not in ("measured", "oriented")]
     monkeypatch.setattr(astext, "MOST_ROWS", len(again))

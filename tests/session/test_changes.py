@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 from deskscene import DRIVEN, MONO, Bench, told
 from innerscene import InnerScene
+from orientedforw import models_of_w
 from sessionscene import Scene
 
 from anaplot.exchange.journal import event_of, read_journal
-from anaplot.session import changes as changes_module
 from anaplot.session.changes import Change, Happened, Sizes, changes
 from anaplot.session.commands import (
     Accept,
@@ -25,7 +25,7 @@ from anaplot.session.commands import (
 )
 from anaplot.session.events import EVENT_KINDS, MonoMeasured, PointMeasured
 from anaplot.session.innerwork import solve_inner
-from anaplot.session.models import solve, solve_among
+from anaplot.session.models import solve
 from anaplot.session.state import EventRefusedError, SessionState, apply, fold
 from anaplot.station.replay import recorded_block
 
@@ -178,13 +178,7 @@ def test_a_fiducial_is_told_with_a_residual_of_its_own() -> None:
 def test_a_model_is_oriented_for_a_change_when_its_w_is_asked_for(
     scene: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    asked: list[str] = []
-
-    def counted(block, models, model):
-        asked.append(model.name)
-        return solve_among(block, models, model)
-
-    monkeypatch.setattr(changes_module, "solve_among", counted)
+    asked = models_of_w(monkeypatch)
     bench = Bench.of(scene.block, DRIVEN, truth=scene.made.truth)
     bench.whole_model()
     bench.measure(bench.desk.state.current.plan[0].point)
