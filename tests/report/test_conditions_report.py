@@ -219,3 +219,16 @@ def test_a_degenerate_condition_that_is_off_stops_nothing(adjusted, folder, caps
 def test_a_block_without_them_has_an_empty_list(adjusted) -> None:
     block, _ = adjusted
     assert adjust(replace(block, image_points=block.image_points)).to_dict()["conditions"] == []
+
+
+def test_a_free_network_says_that_nothing_tells_its_scale(folder, capsys) -> None:
+    """Of two places one coordinate is enough to lay it onto something; of one nothing is."""
+    (folder / "distances.csv").unlink()
+    control = (folder / "control.csv").read_text().splitlines()
+    for kept, scale in ((3, None), (2, "open")):
+        (folder / "control.csv").write_text("\n".join(control[:kept]) + "\n")
+        got = answer_of(capsys, "adjust", str(folder), "--datum", "free")
+        assert got["datum"].get("scale") == scale
+        assert main(["adjust", str(folder), "--datum", "free"]) == 0
+        said = "the scale by nothing stated" in " ".join(capsys.readouterr().out.split())
+        assert said == (scale == "open")
