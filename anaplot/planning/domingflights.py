@@ -27,7 +27,7 @@ from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.normal import PointError
 from anaplot.bundle.solve.parameternames import parameter_names
 from anaplot.bundle.solve.problem import Problem
-from anaplot.bundle.solve.remade import laid_out_like, with_rejected_of, without_same
+from anaplot.bundle.solve.remade import laid_out_without_same
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import Block, ControlPoint, ImagePoint, Photo
 from anaplot.photogrammetry.collinearity import project, turns
@@ -239,10 +239,9 @@ def _laid_out(
     Weights are those of the block's bundle, and what that is without is left out as well.
     """
     try:
-        trial = laid_out_like(problem, larger, problem.undetermined)
+        trial = laid_out_without_same(problem, larger, problem.undetermined)
     except NotComputableError:
         return None
-    trial = with_rejected_of(without_same(trial, problem), problem)
     for k, name in enumerate(problem.photos):
         centres[name], rotations[name] = state.centres[k], state.rotations[k]
     at = {name: k for k, name in enumerate(problem.points)}

@@ -22,6 +22,7 @@ __all__ = [
     "among_points",
     "laid_out_again",
     "laid_out_like",
+    "laid_out_without_same",
     "remeasured",
     "with_given_back",
     "with_priors_of",
@@ -161,7 +162,17 @@ def without_points(problem: Problem, names: Iterable[str], why: str = HALF_RAYS)
         Nothing is left.
     """
     out = {**(problem.undetermined or {}), **dict.fromkeys(names, why)}
-    anew = laid_out_like(problem, problem.block, out)
+    return laid_out_without_same(problem, problem.block, out)
+
+
+def laid_out_without_same(
+    problem: Problem, block: Block, undetermined: Mapping[str, str] | None
+) -> Problem:
+    """Return what `laid_out_like` does, without all that the bundle is without.
+
+    Its image coordinates are those of the block, or more behind them.
+    """
+    anew = laid_out_like(problem, block, undetermined)
     return with_rejected_of(without_same(anew, problem), problem)
 
 
@@ -178,7 +189,10 @@ def among_points(problem: Problem, smaller: Problem, state: BlockState) -> Block
 
 
 def with_rejected_of(problem: Problem, other: Problem) -> Problem:
-    """Return a bundle without the image coordinates that another one of its block is without."""
+    """Return a bundle without the image coordinates that another one is without.
+
+    Of the same block, or of one that has fewer: those of the other come first.
+    """
     if other.rejected is None:
         return problem
     of_row = np.zeros((len(problem.block.image_points), 2), dtype=bool)
