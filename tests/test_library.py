@@ -380,6 +380,12 @@ POINTS = [[x, y] for x in (0.0, 90.0) for y in (-90.0, 0.0, 90.0)]
         ({"left": 1.0}, "shapes () and (6, 2)"),
         ({"names": ["1"]}, "names: 1 (1 different) of 6 points"),
         ({"names": ["1"] * 6}, "names: 6 (1 different) of 6 points"),
+        ({"left": [["one", 2.0], [1.0, 2.0]]}, "left: not an array of numbers"),
+        ({"right": [[0.0, 0.0], [1.0]]}, "right: not an array of numbers"),
+        ({"right": np.array(POINTS) + 1j}, "right: complex numbers"),
+        ({"left": [[1e300, 0.0]] * 6}, "left: a number beyond 1e+06 mm"),
+        ({"c": "wide"}, "c: not an array of numbers"),
+        ({"c": [150.0] * 3}, "c: neither a number nor one for each of the two photos"),
         ({"c": -150.0}, "c: -150 is no positive number"),
         ({"c": (150.0, float("nan"))}, "c: nan is no positive number"),
         ({"image_um": 0.0}, "image_um: 0 is no positive number"),
@@ -393,6 +399,12 @@ def test_arrays_that_are_no_model_are_refused(keywords: dict[str, Any], words: s
     given = {"left": POINTS, "right": POINTS, "c": 150.0, **keywords}
     with pytest.raises(anaplot.InputError, match=re.escape(words)):
         anaplot.orient(**given)
+
+
+def test_a_masked_coordinate_is_none() -> None:
+    left = np.ma.masked_array(POINTS, mask=np.array(POINTS) == 0.0)
+    with pytest.raises(anaplot.NotComputableError, match="point 1 has a coordinate that is not"):
+        anaplot.orient(left, np.add(POINTS, (90.0, 0.1)), c=(150.0, 150.0))
 
 
 def test_a_strip_that_ends_early_says_why(here: Path) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from anaplot.adjustment.watch import Watch
-from anaplot.aliases import Progress, Strategy, TestKind
+from anaplot.aliases import Array, Progress, Strategy, TestKind
 from anaplot.errors import InputError, NotComputableError
 from anaplot.exchange.blockfolder import block_files, check_for_bridge
 from anaplot.exchange.blockpack import block_paths
@@ -51,6 +51,8 @@ __all__ = [
     "orient",
     "run_bridge",
 ]
+
+_LARGEST_MM = 1e6  # of image coordinates and camera constants
 
 Strips: TypeAlias = Sequence[BridgedStrip] | Sequence[CleanedStrip]
 
@@ -221,7 +223,7 @@ def orient(
     left, right
         (n, 2) image coordinates [mm] of the same n points, origin in the principal point.
     c
-        Camera constant [mm], or those of the two photos.
+        Camera constant [mm], or those of the two photos, a pair.
     names
         Of the points; None: "1" to "n". Points of `preceding` with the same names are ties.
     photos
@@ -249,14 +251,17 @@ def orient(
     NotComputableError
         The points do not determine the model.
     """
-    xy = [np.asarray(each, dtype=np.float64) for each in (left, right)]
+    xy = [_numbers(what, each) for what, each in (("left", left), ("right", right))]
     n = len(xy[0]) if xy[0].ndim else 0
     if any(each.shape != (n, 2) for each in xy):
         raise InputError(f"left and right: shapes {xy[0].shape} and {xy[1].shape}, not (n, 2)")
-    labels = [str(k + 1) for k in range(n)] if names is None else list(names)
+    labels = [str(name) for name in (range(1, n + 1) if names is None else names)]
     if len(labels) != n or len(set(labels)) != n:
         raise InputError(f"names: {len(labels)} ({len(set(labels))} different) of {n} points")
-    constants = c if isinstance(c, tuple) else (c, c)
+    constants = _numbers("c", c).tolist()
+    constants = [constants] * 2 if isinstance(constants, float) else constants
+    if len(constants) != 2:
+        raise InputError("c: neither a number nor one for each of the two photos")
     positive = [*(("c", one) for one in constants), ("image_um", image_um)]
     positive += [] if base is None else [("base", abs(base))]
     for what, value in positive:
@@ -282,6 +287,27 @@ def orient(
     model = orient_pair(pair, Precision(image_um, tie_variance), TestSettings(test, alpha, power))
     document = model_document(model, strip="1", number=1, count=1)
     return Computed(model, document, len(model.flagged) > 0)
+
+
+def _numbers(what: str, given: ArrayLike) -> Array:
+    """Return an array of floats; what is masked is no number.
+
+    Raises
+    ------
+    InputError
+        It is none, or has numbers that are not real or larger than anything measured.
+    """
+    try:
+        if np.iscomplexobj(given):
+            raise InputError(f"{what}: complex numbers")
+        numbers = np.array(given, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{what}: not an array of numbers") from error
+    if isinstance(given, np.ma.MaskedArray):
+        numbers[np.ma.getmaskarray(given)] = np.nan
+    if (np.abs(numbers[np.isfinite(numbers)]) > _LARGEST_MM).any():
+        raise InputError(f"{what}: a number beyond {_LARGEST_MM:g} mm")
+    return numbers
 
 
 def bridge_block(
