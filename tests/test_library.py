@@ -383,7 +383,7 @@ POINTS = [[x, y] for x in (0.0, 90.0) for y in (-90.0, 0.0, 90.0)]
         ({"left": [["one", 2.0], [1.0, 2.0]]}, "left: not an array of numbers"),
         ({"right": [[0.0, 0.0], [1.0]]}, "right: not an array of numbers"),
         ({"right": np.array(POINTS) + 1j}, "right: complex numbers"),
-        ({"left": [[1e300, 0.0]] * 6}, "left: a number beyond 1e+06 mm"),
+        ({"left": [[1e300, 0.0]] * 6}, "left: a number beyond 1e+07 mm"),
         ({"c": "wide"}, "c: not an array of numbers"),
         ({"c": [150.0] * 3}, "c: neither a number nor one for each of the two photos"),
         ({"c": -150.0}, "c: -150 is no positive number"),
@@ -405,6 +405,19 @@ def test_a_masked_coordinate_is_none() -> None:
     left = np.ma.masked_array(POINTS, mask=np.array(POINTS) == 0.0)
     with pytest.raises(anaplot.NotComputableError, match="point 1 has a coordinate that is not"):
         anaplot.orient(left, np.add(POINTS, (90.0, 0.1)), c=(150.0, 150.0))
+
+
+@pytest.mark.parametrize("compute", [anaplot.adjust, anaplot.bridge])
+@pytest.mark.parametrize(("x", "said"), [(np.nan, "nan"), (-np.inf, "-inf"), (1e200, r"1e\+200")])
+def test_a_block_in_memory_whose_coordinates_are_none(
+    here: Path, compute: Callable[..., object], x: float, said: str
+) -> None:
+    block = anaplot.read_block("spring")
+    rows = list(block.image_points)
+    rows[3] = replace(rows[3], x=x)
+    place = f"image point {rows[3].point} of photo {rows[3].photo}: {said}, .* are no coordinates"
+    with pytest.raises(anaplot.InputError, match=place):
+        compute(replace(block, image_points=rows))
 
 
 def test_a_strip_that_ends_early_says_why(here: Path) -> None:

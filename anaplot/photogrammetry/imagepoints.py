@@ -5,12 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, overload
 
+from anaplot.errors import InputError
 from anaplot.photogrammetry.imagepoint import ImagePoint
 
 if TYPE_CHECKING:
     from anaplot.photogrammetry.pointcolumns import PointColumns
 
-__all__ = ["ImagePoints", "columns_of", "names_of"]
+__all__ = ["LARGEST_MM", "ImagePoints", "check_coordinates", "columns_of", "names_of"]
+
+LARGEST_MM = 1e7
+"""Above all image coordinates and camera constants; their squares are numbers."""
 
 
 class ImagePoints(Sequence[ImagePoint]):
@@ -115,3 +119,13 @@ def names_of(rows: Iterable[ImagePoint]) -> Iterator[tuple[str, str]]:
 def columns_of(rows: Iterable[ImagePoint]) -> PointColumns:
     """Return image points by columns; those of a block have them, or keep them when asked once."""
     return (rows if isinstance(rows, ImagePoints) else ImagePoints(rows)).columns
+
+
+def check_coordinates(rows: Iterable[ImagePoint]) -> None:
+    """Raise InputError, with point and photo, where an image coordinate is none."""
+    rows = rows if isinstance(rows, ImagePoints) else ImagePoints(rows)
+    good = (abs(rows.columns.xy) <= LARGEST_MM).all(axis=1)
+    if not good.all():
+        row = rows[int(good.argmin())]
+        where = f"image point {row.point} of photo {row.photo}"
+        raise InputError(f"{where}: {row.x:g}, {row.y:g} mm are no coordinates")

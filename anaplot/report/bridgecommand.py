@@ -25,6 +25,7 @@ from anaplot.orientation.strip import BridgedStrip, pooled_sigma_um, stereopair
 from anaplot.orientation.strip import bridge as bridge_strips
 from anaplot.photogrammetry import block as photogrammetry
 from anaplot.photogrammetry.block import Camera, Precision, TestSettings, TieVariance
+from anaplot.photogrammetry.imagepoints import LARGEST_MM
 from anaplot.report import planting
 from anaplot.report.accidentlines import with_accidents
 from anaplot.report.adjustarguments import add_bridge_arguments
@@ -51,8 +52,6 @@ __all__ = [
     "orient",
     "run_bridge",
 ]
-
-_LARGEST_MM = 1e6  # of image coordinates and camera constants
 
 Strips: TypeAlias = Sequence[BridgedStrip] | Sequence[CleanedStrip]
 
@@ -305,8 +304,8 @@ def _numbers(what: str, given: ArrayLike) -> Array:
         raise InputError(f"{what}: not an array of numbers") from error
     if isinstance(given, np.ma.MaskedArray):
         numbers[np.ma.getmaskarray(given)] = np.nan
-    if (np.abs(numbers[np.isfinite(numbers)]) > _LARGEST_MM).any():
-        raise InputError(f"{what}: a number beyond {_LARGEST_MM:g} mm")
+    if (np.abs(numbers[np.isfinite(numbers)]) > LARGEST_MM).any():
+        raise InputError(f"{what}: a number beyond {LARGEST_MM:g} mm")
     return numbers
 
 

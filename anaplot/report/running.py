@@ -14,6 +14,7 @@ from anaplot.errors import InputError, NotComputableError
 from anaplot.exchange.blockfolder import read_block
 from anaplot.freedmemory import keep_freed_memory
 from anaplot.photogrammetry.block import Block
+from anaplot.photogrammetry.imagepoints import check_coordinates
 from anaplot.report.computed import Computed
 from anaplot.report.interrupts import EndingEarly, TimeLimit
 from anaplot.report.keywords import Declare, declared_options, keywords_of
@@ -191,7 +192,14 @@ def computed(options: argparse.Namespace, compute: Callable[..., Computed[T]]) -
 
 
 def block_of(block: BlockOrFolder) -> tuple[Block, str]:
-    """Return a block, read where a folder is given, and how messages name its settings."""
+    """Return a block, read where a folder is given, and how messages name its settings.
+
+    Raises
+    ------
+    InputError
+        It cannot be read; of a block in memory, an image coordinate is none.
+    """
     if isinstance(block, Block):
+        check_coordinates(block.image_points)
         return block, f"block {plain(block.name)}"
     return read_block(block), place(Path(block) / "block.toml")

@@ -7,6 +7,7 @@ import numpy as np
 from anaplot.aliases import Array, Index
 from anaplot.errors import InputError
 from anaplot.photogrammetry.block import Block
+from anaplot.photogrammetry.imagepoints import check_coordinates
 from anaplot.photogrammetry.measuredimage import has_lens, measured_rays
 
 __all__ = ["check_rows", "measured_xy", "stated_lenses"]
@@ -28,10 +29,9 @@ def measured_xy(block: Block, cameras: Index, ideal: Array) -> Array:
     return out
 
 
-def check_rows(block: Block, xy: Array, sigmas: Array) -> None:
+def check_rows(block: Block, sigmas: Array) -> None:
     """Raise InputError where image coordinates or standard deviations [um] are none."""
-    if not bool(np.isfinite(xy).all()):
-        raise InputError(f"block {block.name}: an image coordinate is not finite")
+    check_coordinates(block.image_points)
     bad = np.nonzero(~((sigmas > 0.0) & np.isfinite(sigmas)))[0]
     if len(bad):
         row = block.image_points[int(bad[0])]

@@ -426,7 +426,7 @@ def make_problem(
     sigmas = np.full(len(rows), block.precision.image_um)
     if rows.sigma_um is not None:
         sigmas = np.where(np.isnan(rows.sigma_um), sigmas, rows.sigma_um)
-    check_rows(block, every_xy, sigmas)
+    check_rows(block, sigmas)
     photo, point = _photos_of(block, rows, photo_names), rows.point.index
     names = list(rows.point.values)
     known, known_sigma, fixed = known_coordinates(block, names, control, held)
