@@ -259,7 +259,8 @@ def fit_strip(
         units**2 * weighted,
         np.maximum(units**2 * weight.diagonal(), 0.0),
         units,
-        vtpv=float((transformed - target)[known] @ weighted),
+        # by rounding below zero, where nothing is left
+        vtpv=max(float((transformed - target)[known] @ weighted), 0.0),
         redundancy=count - len(names),
         test=block.test,
         rounding=1e-9,

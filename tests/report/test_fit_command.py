@@ -34,6 +34,22 @@ def folder(tmp_path: Path) -> Path:
     return folder
 
 
+@pytest.mark.parametrize("degree", [1, 2, 3])
+def test_strips_without_any_error_fit_their_control(
+    degree: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    options = ("--strips", "3", "--photos", "6", "--sidelap", "20", "--control-m", "0.02")
+    folder = tmp_path / "block"
+    assert main(["plan", "block", *options, "--to", str(folder)]) == 0
+    capsys.readouterr()
+    assert main(["fit", str(folder), "--degree", str(degree), "--json"]) == 0
+    strips = json.loads(capsys.readouterr().out)["strips"]
+    assert len(strips) == 3
+    for strip in strips:
+        assert 0.0 <= strip["sigma0"] < 1e-4
+        assert not any(point["flagged"] for point in strip["points"])
+
+
 def test_text_json_and_csv(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
