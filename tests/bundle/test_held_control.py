@@ -94,3 +94,35 @@ def test_the_command_says_so(tmp_path, capsys) -> None:
     [line] = [row for row in page.splitlines() if "the common control has not moved" in row]
     assert line.endswith("<< REJECTED")
     assert "explain it, one after the other until the rest is accepted: p5" in page
+
+
+def with_wrong_ray(block, point, photo, **by):
+    rows = [
+        replace(row, **{axis: getattr(row, axis) + mm for axis, mm in by.items()})
+        if (row.photo, row.point) == (photo, point)
+        else row
+        for row in block.image_points
+    ]
+    assert tuple(rows) != block.image_points
+    return replace(block, image_points=tuple(rows))
+
+
+@pytest.mark.parametrize(
+    ("point", "photo", "by"),
+    [("p3", "101", {"y": 0.2}), ("p33", "201", {"y": 2.0}), ("p5", "102", {"y": 0.2})],
+)
+def test_a_wrong_ray_of_control_is_no_movement_of_it(point, photo, by) -> None:
+    second = with_wrong_ray(epoch(12), point, photo, **by)
+    found = compare_epochs(epoch(11), second, points=("p8",))
+    assert point not in found.agreement.points
+    tested = epoch_tests(found)
+    assert not tested.agreement.rejected
+    said = " ".join(tested.remarks)
+    assert f"of point {point} in photo {photo}" in said
+    assert "control has moved" not in said
+
+
+def test_control_that_has_moved_is_named_beside_a_wrong_ray() -> None:
+    second = with_wrong_ray(epoch(12, moved=AWAY), "p8", "102", y=0.5)
+    tested = epoch_tests(compare_epochs(epoch(11), second, points=("p9",)))
+    assert [step.point for step in tested.located_stable] == ["p5"]

@@ -131,8 +131,8 @@ def _next(found: EpochTests | SeriesTests) -> Line:
     refuted = found.agreement is not None and bool(found.agreement.rejected)
     if refuted and of.datum == "control":
         # what the epochs flag may come of it
-        return say("Next: see whether the control that is named has moved, or hold the datum by "
-                   "other points (--stable)").of("look")  # fmt: skip
+        return say("Next: see whether the control that is named has moved, or is measured wrong, "
+                   "or hold the datum by other points (--stable)").of("look")  # fmt: skip
     wrong = [(epoch, count) for epoch, count in enumerate(of.flagged, 1) if count]
     if wrong:
         shown = named([say("{} of epoch {}", count, epoch) for epoch, count in wrong])
