@@ -33,6 +33,12 @@ __all__ = ["OffsetAdvice", "offset_advice"]
 _GIVEN = ("control", "prior", "point prior")
 _SEVERAL = 2  # rejected of what is given, or times as many as by chance
 _ALPHA = 1e-3  # significance: a remark that nobody asked for is not made by chance
+_WORSE = 0.01  # significance of "what is stated errs by more than all else", whatever is off
+_OF_KIND: dict[OffsetKind, slice] = {
+    "shift": slice(0, 3),
+    "drift": slice(0, 3),
+    "boresight": slice(3, 6),
+}
 
 
 class OffsetAdvice(NamedTuple):
@@ -154,11 +160,37 @@ class _Multipliers(NamedTuple):
             if not len(its):
                 continue
             falls = max(whole - self.falls(others), 0.0)
-            test = f_test(falls, len(its), alpha=_ALPHA, sigma=sigma, redundancy=left.redundancy)
+            own = _by_itself(block, kind, len(its), falls)
+            used, degrees = sigma, left.redundancy
+            if own is not None and _errs_more(own, sigma, left.redundancy):
+                # what errs by more than it states differs from control by more, too
+                used, degrees = own
+            test = f_test(falls, len(its), alpha=_ALPHA, sigma=used, redundancy=degrees)
             if test.rejected and falls >= alone:
                 scope = getattr(wanted, kind)
                 out.append(OffsetAdvice(kind, scope, len(its), falls, block.vtpv, test))
         return out
+
+
+def _by_itself(
+    block: AdjustedBlock, kind: OffsetKind, unknowns: int, falls: float
+) -> tuple[float, int] | None:
+    """Return sigma of unit weight of stated positions, or angles, without offsets, and its degrees.
+
+    All that v'Pv falls by is taken for theirs. None where nothing is left to tell.
+    """
+    mine = _OF_KIND[kind]
+    degrees = int(np.nansum(block.cofactors.r_photo[:, mine])) - unknowns
+    if degrees < 1:
+        return None
+    square = float(np.nansum(block.cofactors.normal.linear.photo_e[:, mine] ** 2)) - falls
+    return float(np.sqrt(max(square, 0.0) / degrees)), degrees
+
+
+def _errs_more(own: tuple[float, int], sigma: float, redundancy: int) -> bool:
+    """Whether what has a sigma of unit weight of its own errs by more than all else."""
+    square = own[0] ** 2 * own[1]
+    return f_test(square, own[1], alpha=_WORSE, sigma=sigma, redundancy=redundancy).rejected
 
 
 def _by_one(block: AdjustedBlock) -> float:
