@@ -65,11 +65,29 @@ def test_good_blocks_of_two_ray_points_are_seldom_called_wrong():
     assert wrong <= binom.isf(1e-3, runs, 0.05)  # significance 0.001
 
 
-def test_a_gross_error_is_no_chance():
-    block = model(3)
+def with_error(block, point, **by):
     rows = list(block.problem.block.image_points)
-    at = next(k for k, row in enumerate(rows) if row.point == "p7")
-    rows[at] = replace(rows[at], y=rows[at].y + 0.06)
-    found = adjust_block(replace(block.problem.block, image_points=tuple(rows)))
+    at = next(k for k, row in enumerate(rows) if row.point == point)
+    rows[at] = replace(rows[at], **{axis: getattr(rows[at], axis) + mm for axis, mm in by.items()})
+    return adjust_block(replace(block.problem.block, image_points=tuple(rows)))
+
+
+def test_a_gross_error_is_no_chance():
+    found = with_error(model(3), "p7", y=0.06)
     assert found.tested.flagged.any()
     assert not may_be_chance(found)
+
+
+def test_what_is_flagged_together_counts_once():
+    """Three x of a point in three photos of a row were three errors, by chance as well."""
+    found = with_error(model(1, photos=3), "p7", x=0.1)
+    assert np.count_nonzero(found.tested.flagged) == 3
+    assert own_tests(found).flagged == 1
+
+
+def test_control_counts_once_with_its_rays():
+    found = with_error(model(1), "c0", x=0.3)
+    keys = [found.tested.keys[k] for k in np.flatnonzero(found.tested.flagged)]
+    points = {key[2] if key[0] == "image" else key[1] for key in keys}
+    assert {key[0] for key in keys} == {"image", "control"}
+    assert own_tests(found).flagged == len(points) < len(keys) - 2

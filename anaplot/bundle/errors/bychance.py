@@ -1,19 +1,22 @@
 """Whether what a block's test flags may be chance alone.
 
-The rays of a point of two photos check each other once: its four coordinates have the same abs(w),
-and are flagged together or not at all. What is counted are tests that say something of their own.
+The rays of a point are flagged together: the four coordinates of a point of two photos have the
+same abs(w), x of three photos in a row nearly so, and what checks a control coordinate goes with
+it. Points are nearly independent of one another, so that these are counted.
 """
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from typing import NamedTuple
 
 import numpy as np
 
 from anaplot.adjustment.reliability import SPUR
 from anaplot.adjustment.testdistribution import TestDistribution, distribution_of
-from anaplot.aliases import Bools
+from anaplot.aliases import Bools, Index
 from anaplot.bundle.solve.adjusted import AdjustedBlock
+from anaplot.bundle.solve.observations import GROUND_KINDS
 
 __all__ = ["ALARM", "exceeding_by_chance", "may_be_chance", "own_tests", "tested_count"]
 
@@ -24,17 +27,19 @@ _ONCE = 1.0 + 1e-6  # sum of the redundancy numbers of a point whose rays check 
 
 
 class OwnTests(NamedTuple):
-    """How many tests say something of their own, and how many of them flag something."""
+    """How many tests say something of their own, and how many points and photos they flag."""
 
     tests: int
     flagged: int
 
 
 def own_tests(block: AdjustedBlock) -> OwnTests:
-    """Return how many tests of a block say something of their own, and flag something.
+    """Return how many tests of a block say something of their own, and what they flag.
 
-    All that can be tested, but for points whose rays check each other once: each of these is one
-    test, however many of its coordinates exceed the critical value.
+    Tests are all that can be, but for points whose rays check each other once: each is one. What
+    is flagged are points, with what is given of them, photos with stated places, and the like,
+    however many of their rows exceed the critical value: alpha times the number of tests is no
+    less than is expected.
     """
     tested, image, point = block.tested, block.observations.image, block.problem.point
     can_be = _testable(block)
@@ -42,15 +47,20 @@ def own_tests(block: AdjustedBlock) -> OwnTests:
     of_point = np.repeat(point, 2)
     points = len(block.problem.points)
     checks = np.bincount(of_point, np.where(can_be, tested.r, 0.0)[:image], points)
-    once = checks <= _ONCE
-    single = np.zeros(len(can_be), dtype=np.bool_)
-    single[:image] = once[of_point]
+    single = (checks <= _ONCE)[of_point]
 
-    def counted(rows: Bools) -> int:
-        alike = np.bincount(of_point, (rows & single)[:image], points) > 0.0
-        return int(np.count_nonzero(rows & ~single) + np.count_nonzero(alike))
+    def points_of(rows: Bools) -> Index:
+        return np.flatnonzero(np.bincount(of_point[rows[:image]], minlength=points))
 
-    return OwnTests(counted(can_be), counted(flagged))
+    own = int(
+        np.count_nonzero(can_be & ~np.append(single, np.zeros(len(can_be) - image, np.bool_)))
+    )
+    own += len(points_of(can_be[:image] & single))
+    its: set[Hashable] = {block.problem.points[k] for k in points_of(flagged).tolist()}
+    for row in (image + np.flatnonzero(flagged[image:])).tolist():
+        kind, *owner, _ = tested.keys[row]
+        its.add(owner[-1] if kind in GROUND_KINDS else (kind, *owner))
+    return OwnTests(own, len(its))
 
 
 def _testable(block: AdjustedBlock) -> Bools:
