@@ -5,11 +5,11 @@ from __future__ import annotations
 import os
 import re
 import zlib
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, NamedTuple
 
 from anaplot.errors import InputError
 from anaplot.exchange.eventcodec import event_from_payload
@@ -38,6 +38,7 @@ __all__ = [
     "Recovered",
     "Scan",
     "Tail",
+    "Take",
     "check_format",
     "event_of",
     "folder_of",
@@ -45,18 +46,30 @@ __all__ = [
     "numbered_files",
     "read_journal",
     "scan_folder",
+    "scan_journal",
 ]
 
 MAX_FILE_BYTES = 256_000_000
 """Largest file that is read: four times the length at which the next one is begun."""
 
-_CHUNK = 1 << 20
 _BEGINNING = b'{"seq":'
 _FILE_NAME = re.compile(r"([0-9]{4,99})\.jsonl")
 
 
 Choice = Callable[[Iterable[Snapshot]], Snapshot | None]
 """Chooses from snapshots that can be trusted, youngest first."""
+
+Take = Callable[[JournalRecord], object]
+"""Is given every wanted record as it is read: a long journal is never there as a whole."""
+
+
+class _Behind(NamedTuple):
+    """Up to where a file is known: its length, lines, CRC-32 there; the last sequence number."""
+
+    size: int
+    lines: int
+    crc: int
+    seq: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,20 +175,54 @@ def read_journal(path: Path, *, keep: Keep | None = None) -> Recovered:
         There is no journal, it is damaged where it was on disk already, a record or a file is
         missing, or a newer version wrote it; with file and line.
     """
+    records: list[JournalRecord] = []
+    scan = scan_journal(path, keep, records.append)
+    return Recovered(tuple(records), scan.remarks)
+
+
+def scan_journal(path: Path, keep: Keep | None, take: Take, known: Sequence[FileScan] = ()) -> Scan:
+    """Read a journal as `read_journal` does, and hand its records on one by one.
+
+    What is wrong behind them is found when they were handed on.
+
+    Parameters
+    ----------
+    path, keep
+        As `read_journal` has them.
+    take
+        Is given the wanted records.
+    known
+        The first files, as they were when they were read before: what is known of them is not read
+        again.
+
+    Returns
+    -------
+    Scan
+        The files, without the records; the remarks tell of a torn tail, too.
+
+    Raises
+    ------
+    InputError
+        As `read_journal`.
+    """
     folder = folder_of(path)
     if folder is None:
-        records: list[JournalRecord] = []
-        file = _FileReader(path, None, keep, records).scan(is_last=True)
-        scan = Scan((file,), tuple(records), ())
+        reader = _FileReader(path, None, keep, take)
+        behind = _end_of(known[0]) if known else None
+        scan = Scan((reader.scan(is_last=True, behind=behind),), (), ())
     else:
-        scan = scan_folder(folder, keep)
+        scan = scan_folder(folder, keep, take=take, known=known)
         if not scan.files:
             raise InputError(f"{place(folder)}: holds no journal (0001.jsonl): it was never opened")
-    remarks = list(scan.remarks)
     last = scan.files[-1]
-    if last.tail is not None:
-        remarks.append(f"{place(last.path, last.tail.line)}: {last.tail}: left out")
-    return Recovered(scan.records, tuple(remarks))
+    if last.tail is None:
+        return scan
+    torn = f"{place(last.path, last.tail.line)}: {last.tail}: left out"
+    return replace(scan, remarks=(*scan.remarks, torn))
+
+
+def _end_of(file: FileScan) -> _Behind:
+    return _Behind(file.good_bytes, file.lines, file.crc, file.last_seq)
 
 
 def event_of(record: JournalRecord) -> Event:
@@ -242,11 +289,27 @@ def numbered_files(folder: Path) -> tuple[dict[int, Path], tuple[str, ...]]:
     return numbered, tuple(remarks)
 
 
-def scan_folder(folder: Path, keep: Keep | None, choose: Choice | None = None) -> Scan:
+def scan_folder(
+    folder: Path,
+    keep: Keep | None,
+    choose: Choice | None = None,
+    *,
+    take: Take | None = None,
+    known: Sequence[FileScan] = (),
+) -> Scan:
     """Verify all files of a journal in order.
 
     What stands before a snapshot that is chosen is verified by its checksum, and no record of it
     returned.
+
+    Parameters
+    ----------
+    folder
+        The folder `sessions`.
+    keep, take, known
+        As `scan_journal` has them; where nobody takes the records, they are returned.
+    choose
+        Chooses the snapshot behind which records are wanted.
 
     Raises
     ------
@@ -254,25 +317,25 @@ def scan_folder(folder: Path, keep: Keep | None, choose: Choice | None = None) -
         As `read_journal`, but that a folder without files is fine.
     """
     numbered, remarks = numbered_files(folder)
-    files: list[FileScan] = []
+    files = list(known[:-1])
     records: list[JournalRecord] = []
+    put = records.append if take is None else take
     last_number = max(numbered, default=0)
     for expected, number in enumerate(sorted(numbered), 1):
         if number != expected:
             missing = place(folder / f"{expected:04d}.jsonl")
             raise InputError(f"{missing}: is missing, but there is {numbered[number].name}")
     chosen = _chosen([numbered[number] for number in sorted(numbered)], choose)
+    behind = _end_of(known[-1]) if known else None
+    if chosen is not None:
+        paths = (numbered[number] for number in sorted(numbered))
+        files = [_known(*pair) for pair in zip(paths, chosen.before, strict=False)]
+        behind = _Behind(chosen.size, chosen.lines, chosen.crc, chosen.seq)
     seq = 0
-    for number in sorted(numbered):
-        is_last = number == last_number
-        known = 0 if chosen is None else len(chosen.before)
-        if chosen is not None and number <= known:
-            files.append(_known(numbered[number], chosen.before[number - 1]))
-            continue
-        reader = _FileReader(numbered[number], seq, keep, records)
-        behind = chosen if number == known + 1 else None
-        files.append(reader.scan(is_last=is_last, behind=behind))
-        seq = files[-1].last_seq
+    for number in sorted(numbered)[len(files) :]:
+        reader = _FileReader(numbered[number], seq, keep, put)
+        files.append(reader.scan(is_last=number == last_number, behind=behind))
+        seq, behind = files[-1].last_seq, None
     return Scan(tuple(files), tuple(records), remarks, chosen)
 
 
@@ -336,36 +399,32 @@ class _FileReader:
         Sequence number before its first record; None when any will do.
     keep
         Which kinds are wanted.
-    records
-        Where wanted records are appended.
+    take
+        Is given the wanted records.
     """
 
-    def __init__(
-        self, path: Path, seq: int | None, keep: Keep | None, records: list[JournalRecord]
-    ) -> None:
+    def __init__(self, path: Path, seq: int | None, keep: Keep | None, take: Take) -> None:
         self._path = path
         self._name = place(path)
         self._seq = seq
         self._keep = keep
         self._wanted: Keep = _Wanted(keep).__getitem__
-        self._records = records
+        self._take = take
 
-    def scan(self, *, is_last: bool, behind: Snapshot | None = None) -> FileScan:
+    def scan(self, *, is_last: bool, behind: _Behind | None = None) -> FileScan:
         try:
             with open_input(self._path, MAX_FILE_BYTES) as file:
                 return self._scan(file, is_last, behind)
         except OSError as error:
             raise InputError(f"{self._name}: cannot be read: {reason(error)}") from error
 
-    def _scan(self, file: BinaryIO, is_last: bool, behind: Snapshot | None) -> FileScan:
+    def _scan(self, file: BinaryIO, is_last: bool, behind: _Behind | None) -> FileScan:
         # The length now is the end: whoever writes meanwhile is not half seen.
         size = os.fstat(file.fileno()).st_size
         good = line = crc = 0
         if behind is not None:
             good, line, crc, self._seq = behind.size, behind.lines, behind.crc, behind.seq
-            left = good
-            while left > 0 and (chunk := file.read(min(_CHUNK, left))):
-                left -= len(chunk)
+            os.lseek(file.fileno(), good, os.SEEK_SET)  # nothing of it was read yet
         whole = line
         tail: Tail | None = None
         lacks_end = False
@@ -394,7 +453,7 @@ class _FileReader:
                 raise self._fail(line, f"record {seq} where {self._seq + 1} should follow")
             self._seq = seq
             if wanted and (kind not in OPENING or self._keep is None or self._keep(kind)):
-                self._records.append(record)
+                self._take(record)
             good += len(raw)
             crc = zlib.crc32(raw, crc)
             whole = line

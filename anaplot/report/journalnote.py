@@ -15,8 +15,15 @@ from anaplot.report.document import Answer, Document, Line, say
 if TYPE_CHECKING:
     from anaplot.report.running import BlockOrFolder
     from anaplot.station.journaled import Journaled
+    from anaplot.station.sessionlog import SessionLog
 
-__all__ = ["journal_answer", "journal_note", "session_note", "with_journal_notes"]
+__all__ = [
+    "SessionFiles",
+    "journal_answer",
+    "journal_note",
+    "session_note",
+    "with_journal_notes",
+]
 
 _MOST = 10
 
@@ -39,35 +46,59 @@ def journal_note(folder: BlockOrFolder, block: Block) -> Answer | None:
     dict or None
         As `journal_answer` has it.
     """
-    if isinstance(folder, Block) or not os.path.lexists(Path(folder) / "sessions"):
-        return None
-    # only blocks with a session need what a session needs
-    from anaplot.station.journaled import journaled
-
-    return journal_answer(Path(folder), journaled(Path(folder), block))
+    return None if isinstance(folder, Block) else _note(Path(folder), block)
 
 
 def session_note(session: Path) -> Answer | None:
-    """Return how the files differ from a journal that is read itself.
+    """Return how the files differ from a journal that is read itself; as `SessionFiles.note`."""
+    return SessionFiles(session).note()
+
+
+class SessionFiles:
+    """The files of a block as they are before its journal is read: they say nothing that is newer.
 
     Parameters
     ----------
     session
-        A block folder; there is nothing to say of a journal file or a folder `sessions`. A block
-        that cannot be read is noted as well.
-
-    Returns
-    -------
-    dict or None
-        As `journal_answer` has it.
+        A block folder; there is nothing to say of a journal file or a folder `sessions`.
     """
-    if not (session / "block.toml").is_file():
+
+    def __init__(self, session: Path) -> None:
+        self._folder = session
+        self._block: Block | None = None
+        self._why = ""
+        if not (session / "block.toml").is_file():
+            return
+        try:
+            self._block = read_block(session)
+        except InputError as error:
+            self._why = f"the files were not read: {error}"
+
+    def note(self, read: SessionLog | None = None) -> Answer | None:
+        """Return how they differ from the journal.
+
+        Parameters
+        ----------
+        read
+            What was read of the journal since, where it was.
+
+        Returns
+        -------
+        dict or None
+            As `journal_answer` has it; a block that cannot be read is noted as well.
+        """
+        if self._block is None:
+            return _unread(self._why) if self._why else None
+        return _note(self._folder, self._block, read)
+
+
+def _note(folder: Path, block: Block, read: SessionLog | None = None) -> Answer | None:
+    if not os.path.lexists(folder / "sessions"):
         return None
-    try:
-        block = read_block(session)
-    except InputError as error:
-        return _unread(f"the files were not read: {error}")
-    return journal_note(session, block)
+    # only blocks with a session need what a session needs
+    from anaplot.station.journaled import journaled
+
+    return journal_answer(folder, journaled(folder, block, read))
 
 
 def journal_answer(folder: Path, found: Journaled) -> Answer | None:

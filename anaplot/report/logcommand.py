@@ -11,7 +11,7 @@ from functools import partial
 
 from anaplot.aliases import Progress
 from anaplot.report.document import Document, Later, Table, name, number, say
-from anaplot.report.journalnote import session_note, with_journal_notes
+from anaplot.report.journalnote import SessionFiles, with_journal_notes
 from anaplot.report.output import Output
 from anaplot.report.progress import working
 from anaplot.report.streams import complain
@@ -65,9 +65,10 @@ def run_log(options: argparse.Namespace) -> int:
     output = Output.of(options)
     output.check({"is read": (options.session,)})
     with working("reading the journal"):
+        files = SessionFiles(options.session)
         log = SessionLog(options.session)
         found = log_document(log.read(), partial(working, "computing w"))
-        found = with_journal_notes(found, session_note(options.session))
+        found = with_journal_notes(found, files.note(log))
     for remark in log.remarks:
         complain(f"note: {remark}")
     output.show(found)

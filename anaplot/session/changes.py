@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -33,9 +34,14 @@ from anaplot.session.events import (
 )
 from anaplot.session.innerstate import InnerState
 from anaplot.session.innerwork import solve_inner
-from anaplot.session.models import Models, solve_among, without_redundancy
+from anaplot.session.models import (
+    Models,
+    preceding_models,
+    solve_behind,
+    without_redundancy,
+)
 from anaplot.session.modelstate import ModelState
-from anaplot.session.state import SessionState, apply, start
+from anaplot.session.state import HISTORY, SessionState, apply, start
 
 __all__ = ["AcceptedInner", "Change", "ChangeKind", "ChangeLog", "Happened", "Sizes", "changes"]
 
@@ -212,7 +218,8 @@ class ChangeLog:
         self._state = start(block)
         self._found: list[Change] = []
         self._inner: list[AcceptedInner] = []
-        self._done: list[Event] = []
+        # what an undo may take back
+        self._done: deque[Event] = deque(maxlen=HISTORY)
         self._latest = range(0)  # the changes that a reason is of
 
     @property
@@ -221,9 +228,9 @@ class ChangeLog:
         return tuple(self._found)
 
     @property
-    def block(self) -> Block:
-        """As it was declared when the journal was begun."""
-        return self._state.block
+    def state(self) -> SessionState:
+        """To which what happened so far has led."""
+        return self._state
 
     @property
     def inner(self) -> tuple[AcceptedInner, ...]:
@@ -391,24 +398,36 @@ def _sizes(
 ) -> Sizes:
     """Return abs(w) of a point's rows, or of one, in the models in work before and after.
 
-    `first`, `then`: its names. A state is not kept: all that may be undone hangs on it.
+    `first`, `then`: its names.
     """
-    sides = ((before, first), (after, then))
-    was, now = (
-        partial(_largest, state.block, state.models, state.current, point, axis)
-        for state, point in sides
-    )
-    return Sizes(was, now)
+    return Sizes(_size(before, first, axis), _size(after, then, axis))
+
+
+def _size(state: SessionState, point: str, axis: str | None) -> _Size:
+    """Return what computes the largest abs(w) of a point's rows in the model in work, or of one.
+
+    Nothing more is kept than it needs: all that may be undone hangs on a state, and all accepted
+    models are as many as the block's with every change.
+    """
+    model = state.current
+    if model is None or model.measurement(point) is None:
+        return _nothing
+    before = preceding_models(state.models, model)
+    return partial(_largest, state.block, before, model, point, axis)
+
+
+def _nothing() -> None:
+    """Compute no abs(w): there is none."""
 
 
 def _largest(
-    block: Block, models: Models, model: ModelState | None, point: str, axis: str | None
+    block: Block, before: Models, model: ModelState, point: str, axis: str | None
 ) -> float | None:
     """Return the largest abs(w) of a point's rows in a model, or of one of them."""
-    if model is None or model.measurement(point) is None or without_redundancy(models, model):
+    if without_redundancy(before, model):
         return None
     try:
-        solution = solve_among(block, models, model)
+        solution = solve_behind(block, before, model)
     except NotComputableError:
         return None
     sizes = [

@@ -23,6 +23,7 @@ __all__ = [
     "solve",
     "solve_after",
     "solve_among",
+    "solve_behind",
     "solved_or_none",
     "without_redundancy",
 ]
@@ -55,12 +56,16 @@ def preceding_models(models: Models, model: ModelState) -> Models:
 @lru_cache(maxsize=64)
 def _preceding(asked: _Same, strip: str, left: str) -> Models:
     (models,) = asked.parts
-    by_right = {m.right: m for m in models if m.strip == strip}
     found: list[ModelState] = []
-    # a strip has every photo once: the walk ends
-    while (before := by_right.get(left)) is not None:
-        found.append(before)
-        left = before.left
+    count = -1
+    # They stand one before the other: one pass finds them all, and another one that there are no
+    # more. A strip has every photo once, so the walk ends.
+    while count < len(found):
+        count = len(found)
+        for model in reversed(models):
+            if model.right == left and model.strip == strip:
+                found.append(model)
+                left = model.left
     return tuple(reversed(found))
 
 
@@ -92,15 +97,51 @@ def solve_among(block: Block, models: Models, model: ModelState) -> ModelSolutio
     NotComputableError
         The measurements do not determine it (yet); says why.
     """
+    return solve_behind(block, preceding_models(models, model), model)
+
+
+def solve_behind(block: Block, before: Models, model: ModelState) -> ModelSolution:
+    """Orient a model, given those before it in its strip.
+
+    Parameters
+    ----------
+    block
+        What was declared.
+    before
+        From `preceding_models`.
+    model
+        The model.
+
+    Raises
+    ------
+    NotComputableError
+        The measurements do not determine it (yet); says why.
+    """
+    if not before:
+        return solve_after(block, model, None, None)
+    preceding = _last_of(_Same(block, before))
+    if isinstance(preceding, NotComputableError):
+        raise _again(preceding)
+    return solve_after(block, model, before[-1], preceding)
+
+
+# A model is asked for again and again while it is measured, and those before it are the same.
+@lru_cache(maxsize=64)
+def _last_of(asked: _Same) -> ModelSolution | NotComputableError:
+    """Return the solution of the last of some models, each behind the one before."""
+    block, models = asked.parts
     before: ModelState | None = None
     solution: ModelSolution | None = None
-    for one in preceding_models(models, model):
-        solution = solve_after(block, one, before, solution)
-        before = one
-    return solve_after(block, model, before, solution)
+    for one in models:
+        found = _solved(_Same(block, one, before, solution))
+        if isinstance(found, NotComputableError):
+            return found
+        before, solution = one, found
+    assert solution is not None  # there is a model
+    return solution
 
 
-def without_redundancy(models: Models, model: ModelState) -> bool:
+def without_redundancy(before: Models, model: ModelState) -> bool:
     """Whether a model has no more rows than unknowns, so that none of them can be tested.
 
     It is counted without being oriented: from as few points that takes longest. True wherever it
@@ -108,17 +149,18 @@ def without_redundancy(models: Models, model: ModelState) -> bool:
 
     Parameters
     ----------
-    models
-        The accepted models.
+    before
+        The models before it in its strip.
     model
         The model.
     """
-    before = preceding_models(models, model)[-1:]
-    ties = {m.point for one in before for m in one.measured}
-    off = model.off
-    rows = sum((m.point, "y") not in off for m in model.measured)
+    off, most = model.off, len(UNKNOWNS) - (not before)
+    rows = sum((m.point, "y") not in off for m in model.measured) if off else len(model.measured)
+    if rows > most:
+        return False
+    ties = {m.point for one in before[-1:] for m in one.measured}
     rows += sum(m.point in ties and (m.point, "x") not in off for m in model.measured)
-    return rows <= len(UNKNOWNS) - (not before)
+    return rows <= most
 
 
 def solved_or_none(state: SessionState, model: ModelState) -> ModelSolution | None:

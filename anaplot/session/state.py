@@ -54,6 +54,7 @@ from anaplot.session.returning import (
 from anaplot.session.takingover import Decided, decided
 
 __all__ = [
+    "HISTORY",
     "WHILE_SUSPENDED",
     "EventRefusedError",
     "Measured",
@@ -67,7 +68,8 @@ __all__ = [
 # what was decided elsewhere waits for nobody
 WHILE_SUSPENDED = Resumed | DecisionsTakenOver
 _OF_NO_MEASUREMENT = (Suspended, Resumed, ReasonGiven)
-_HISTORY = 1000  # undo reaches back this many events
+HISTORY = 1000
+"""Undo reaches back this many events."""
 
 
 class _Moment(NamedTuple):
@@ -143,7 +145,7 @@ class SessionState:
     @property
     def undo_is_full(self) -> bool:
         """Whether as many events may be taken back as are ever remembered."""
-        return len(self._history) == _HISTORY
+        return len(self._history) == HISTORY
 
     def accepted(self, left: str, right: str) -> ModelState | None:
         """Return the accepted model of two photos, or None."""
@@ -171,7 +173,7 @@ class SessionState:
     def _after(self, **changes: Any) -> Self:
         """Return the state after what can be taken back."""
         now = _Moment(self.models, self.current, self.returned, self.latest, self.recomputed)
-        return copied(self, _history=self._history.pushed(now, _HISTORY), **changes)
+        return copied(self, _history=self._history.pushed(now, HISTORY), **changes)
 
 
 def start(block: Block) -> SessionState:

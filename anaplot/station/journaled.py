@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -14,8 +14,11 @@ from anaplot.textfiles.wording import place
 
 if TYPE_CHECKING:
     from anaplot.exchange.recordline import JournalRecord
+    from anaplot.session.events import DecisionsTakenOver
     from anaplot.session.state import SessionState
     from anaplot.station.editedrows import EditedRow
+    from anaplot.station.restored import Folding
+    from anaplot.station.sessionlog import SessionLog
 
 __all__ = ["Journaled", "journaled"]
 
@@ -62,7 +65,7 @@ class Journaled(NamedTuple):
         )
 
 
-def journaled(folder: Path, block: Block) -> Journaled:
+def journaled(folder: Path, block: Block, read: SessionLog | None = None) -> Journaled:
     """Return what the journal in a block folder says; nothing is locked, and nothing changed.
 
     A console may be writing it: what of it is on disk counts.
@@ -73,32 +76,58 @@ def journaled(folder: Path, block: Block) -> Journaled:
         The block folder.
     block
         As read from it, before: whatever of the session's stands in it is in the journal by now.
+    read
+        What was read of the journal after the block, where it was: it is not read again, if it
+        was of the block as it is declared there.
     """
     sessions = folder / "sessions"
     if not os.path.lexists(sessions) or (sessions.is_dir() and not any(sessions.glob("*.jsonl"))):
         return Journaled()
-    from anaplot.exchange.journal import read_journal
     from anaplot.exchange.journalkinds import is_event
+    from anaplot.exchange.journalread import scan_journal
     from anaplot.session.state import start
 
+    begin = start(block)
     try:
-        records = read_journal(folder, keep=is_event).records
-        if not records:
-            return Journaled(start(block))  # nothing happened that a file could differ from
-        return _compared(folder, block, records)
+        if read is not None and read.state is not None and read.block == begin.block:
+            return _compared(folder, block, read.state, read.ever, read.taken)
+        begun: list[Folding] = []
+
+        def take(record: JournalRecord) -> None:
+            if not begun:  # where nothing happened yet, what an event needs is not loaded
+                from anaplot.station.restored import Folding
+
+                begun.append(Folding(begin))
+            begun[0].take(record)
+
+        scan_journal(folder, is_event, take)
+        if not begun:
+            return Journaled(begin)  # nothing happened that a file could differ from
+        (folding,) = begun
+        folding.check()
+        return _compared(folder, block, folding.state, folding.ever, folding.taken)
     except InputError as error:
         return Journaled(unread=f"the journal was not read: {error}")
 
 
-def _compared(folder: Path, block: Block, records: Iterable[JournalRecord]) -> Journaled:
-    from anaplot.station.edited import decided_rows, edited_rows
-    from anaplot.station.imagepoints import accepted_ever, measured_here
-    from anaplot.station.rejectedelsewhere import elsewhere
-    from anaplot.station.restored import restored
+def _compared(
+    folder: Path,
+    block: Block,
+    state: SessionState,
+    ever: Collection[str],
+    taken: DecisionsTakenOver | None,
+) -> Journaled:
+    """Compare files with what the journal led to.
 
-    events, state = restored(block, records)
-    new, said = elsewhere(folder, block, state, events)
-    edited = edited_rows(folder, block, said, accepted_ever(events))
+    `ever` are the names of all models that were ever accepted, `taken` the decisions that were
+    taken over last.
+    """
+    from anaplot.station.edited import decided_rows, edited_rows
+    from anaplot.station.imagepoints import measured_here
+    from anaplot.station.rejectedelsewhere import elsewhere
+
+    new, said = elsewhere(folder, block, state, taken)
+    edited = edited_rows(folder, block, said, ever)
     there = {(row.photo, row.point) for row in block.image_points}
     lacking = {(photo, point) for photo, point, *_ in measured_here(state.models)} - there
     return Journaled(state, (*decided_rows(block, state, new), *edited), lacking=len(lacking))

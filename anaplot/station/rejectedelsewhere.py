@@ -5,7 +5,7 @@ The session takes it over when it is opened: what is decided belongs to the bloc
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -16,7 +16,7 @@ from anaplot.exchange.rejectedrows import STRATEGIES, as_before, rejected_axes, 
 from anaplot.photogrammetry.block import Block, ImagePoint
 from anaplot.photogrammetry.measuredimage import computed_place
 from anaplot.photogrammetry.selection import points_of, rows_by_photo, rows_off
-from anaplot.session.events import DecidedRow, DecisionsTakenOver, Event
+from anaplot.session.events import DecidedRow, DecisionsTakenOver
 from anaplot.session.modelstate import Measured, ModelState
 from anaplot.session.state import SessionState, apply, fold
 
@@ -71,7 +71,7 @@ def decisions(
 
 
 def elsewhere(
-    folder: Path, block: Block, state: SessionState, events: Sequence[Event]
+    folder: Path, block: Block, state: SessionState, last: DecisionsTakenOver | None
 ) -> Elsewhere:
     """Return what strategies switched in a folder's file, and has still to be taken over.
 
@@ -84,12 +84,11 @@ def elsewhere(
         The block folder, and what was read from it.
     state
         To which the journal led.
-    events
-        What happened in the session.
+    last
+        What the session took over last, or None.
     """
     file = image_points_identity(folder)
     found = decisions(block, state, file)
-    last = next((e for e in reversed(events) if isinstance(e, DecisionsTakenOver)), None)
     known = file is not None and last is not None and last.file == file
     return Elsewhere(() if known else found, fold(state, found))
 

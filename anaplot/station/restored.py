@@ -7,7 +7,6 @@ from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
 
 from anaplot.errors import InputError
 from anaplot.exchange.blocktoml import camera_texts, format_block_toml
@@ -17,19 +16,19 @@ from anaplot.exchange.journal import (
     JournalRecord,
     Recovered,
     event_of,
-    read_journal,
 )
 from anaplot.exchange.journalkinds import is_event
-from anaplot.exchange.journalread import Choice
+from anaplot.exchange.journalread import Choice, scan_journal
 from anaplot.exchange.journalsnapshot import Snapshot
 from anaplot.exchange.statecodec import StateWriter, state_from_text
 from anaplot.photogrammetry.block import Block
-from anaplot.session.events import Event, FiducialMeasured
-from anaplot.session.pointedat import Target, Targets, pointed_at
+from anaplot.session.events import DecisionsTakenOver, Event, FiducialMeasured, ModelAccepted
+from anaplot.session.pointedat import Targets, pointed_at
 from anaplot.session.state import EventRefusedError, SessionState, apply, fold, start
 from anaplot.station.imagepoints import accepted_ever
 
 __all__ = [
+    "Folding",
     "Past",
     "Snapshots",
     "block_digest",
@@ -50,8 +49,8 @@ class Past:
 
     Attributes
     ----------
-    events
-        The events, those before a snapshot left out.
+    folded
+        How many events were read: all, or those behind a snapshot.
     count
         How many there were altogether.
     state
@@ -60,64 +59,111 @@ class Past:
         Names "left/right" of every model that was ever accepted.
     pointed
         How often what was pointed at.
+    taken
+        The decisions that were taken over last in the events that were read.
     """
 
-    events: tuple[Event, ...]
+    folded: int
     count: int
     state: SessionState
     of_session: frozenset[str]
     pointed: Targets = field(default_factory=dict)
+    taken: DecisionsTakenOver | None = None
 
 
-def restored(
-    block: Block, records: Iterable[JournalRecord]
-) -> tuple[tuple[Event, ...], SessionState]:
-    """Return what happened in the sessions before, and the state that it led to.
+class Folding:
+    """The fold over a journal's events as its records come in, of which none is kept.
+
+    The first that does not fit is kept in mind, and what comes behind it is left: whoever reads
+    the journal says first what is wrong with it as such.
+
+    Parameters
+    ----------
+    state
+        In which it begins.
+    before
+        What was pointed at before.
+
+    Attributes
+    ----------
+    state
+        To which the events led.
+    count
+        How many there were.
+    ever
+        Names "left/right" of every model that was accepted in them, undone or not.
+    taken
+        The decisions that were taken over last in them.
+    pointed
+        How often what was pointed at.
+    full
+        Whether undo once reached back as far as it ever does. From there on it is known whatever
+        happened before the state in which the fold began: what else there was to undo has been
+        forgotten.
+    """
+
+    def __init__(self, state: SessionState, before: Targets | None = None) -> None:
+        self.state = state
+        self.count = 0
+        self.ever: set[str] = set()
+        self.taken: DecisionsTakenOver | None = None
+        self.pointed = Counter(before)
+        self.full = False
+        self._wrong: InputError | None = None
+
+    def take(self, record: JournalRecord) -> None:
+        """Fold the event that a record is."""
+        if self._wrong is not None:
+            return
+        try:
+            event = event_of(record)
+            state = self.state = apply(self.state, event)
+        except EventRefusedError as error:
+            self._wrong = InputError(
+                f"{record.file} line {record.line}: does not fit block.toml: {error}"
+            )
+            return
+        except InputError as error:
+            self._wrong = error
+            return
+        self.count += 1
+        if isinstance(event, ModelAccepted):
+            self.ever |= accepted_ever((event,))
+        elif isinstance(event, DecisionsTakenOver):
+            self.taken = event
+        target = pointed_at(event, state.current)
+        if target is not None:
+            self.pointed[target] += 1
+        self.full = self.full or state.undo_is_full
+
+    def check(self) -> None:
+        """Refuse what does not fit.
+
+        Raises
+        ------
+        InputError
+            A record is no event, or does not fit the block; says which.
+        """
+        if self._wrong is not None:
+            raise self._wrong
+
+
+def restored(block: Block, records: Iterable[JournalRecord]) -> Folding:
+    """Return the fold over what happened in the sessions before.
 
     Raises
     ------
     InputError
-        A record is no event, or does not fit the block; says which.
+        As `Folding.check`.
     """
-    folded = _folded(start(block), records)
-    return folded.events, folded.state
+    return _folded(Folding(start(block)), records)
 
 
-class _Folded(NamedTuple):
-    """Events, the state to which they led, and what was pointed at in them.
-
-    `full` says whether undo once reached back as far as it ever does. From there on it is known
-    whatever happened before the state in which the fold began: what else there was to undo has
-    been forgotten.
-    """
-
-    events: tuple[Event, ...]
-    state: SessionState
-    pointed: Counter[Target]
-    full: bool
-
-
-def _folded(
-    state: SessionState, records: Iterable[JournalRecord], before: Targets | None = None
-) -> _Folded:
-    """Fold the events that records are, with what was pointed at before."""
-    events = []
-    pointed = Counter(before)
-    full = False
+def _folded(folding: Folding, records: Iterable[JournalRecord]) -> Folding:
     for record in records:
-        event = event_of(record)
-        try:
-            state = apply(state, event)
-        except EventRefusedError as error:
-            raise InputError(
-                f"{record.file} line {record.line}: does not fit block.toml: {error}"
-            ) from error
-        events.append(event)
-        target = pointed_at(event, state.current)
-        if target is not None:
-            pointed[target] += 1
-        full = full or state.undo_is_full
-    return _Folded(tuple(events), state, pointed, full)
+        folding.take(record)
+    folding.check()
+    return folding
 
 
 def block_digest(block: Block) -> str:
@@ -166,11 +212,13 @@ def past_of(folder: Path, block: Block, recovered: Recovered) -> Past:
     past = _behind(block, recovered)
     if past is not None:
         return past
-    records = recovered.records
-    if recovered.snapshot is not None:
-        records = read_journal(folder, keep=is_event).records
-    events, state, pointed, _ = _folded(start(block), records)
-    return Past(events, len(events), state, frozenset(accepted_ever(events)), pointed)
+    if recovered.snapshot is None:
+        all_of = restored(block, recovered.records)
+    else:
+        all_of = Folding(start(block))
+        scan_journal(folder, is_event, all_of.take)
+        all_of.check()
+    return _past(all_of, 0, frozenset())
 
 
 def _behind(block: Block, recovered: Recovered) -> Past | None:
@@ -180,13 +228,21 @@ def _behind(block: Block, recovered: Recovered) -> Past | None:
         return None
     try:
         state, ever, before = state_from_text(snapshot.text, start(block))
-        events, state, pointed, full = _folded(state, recovered.records, before)
+        folding = _folded(Folding(state, before), recovered.records)
     except InputError:
         return None  # the events from the beginning lead on, or say what is wrong
-    if not full:
-        return None
-    count = snapshot.events + len(events)
-    return Past(events, count, state, ever | accepted_ever(events), pointed)
+    return _past(folding, snapshot.events, ever) if folding.full else None
+
+
+def _past(folding: Folding, before: int, ever: frozenset[str]) -> Past:
+    return Past(
+        folding.count,
+        before + folding.count,
+        folding.state,
+        ever | folding.ever,
+        folding.pointed,
+        folding.taken,
+    )
 
 
 class Snapshots:

@@ -53,7 +53,7 @@ class TakenUp:
         self._folder = folder
         self._read = read
         self.block = read.block
-        self.past = Past((), 0, start(read.block), frozenset())
+        self.past = Past(0, 0, start(read.block), frozenset())
         self.decided: tuple[DecisionsTakenOver, ...] = ()
         self.points = PointsFile(folder, read, ())
         self.shift: Position | None = None
@@ -91,14 +91,13 @@ class TakenUp:
         """
         self._read_again()
         past = past_of(self._folder, self.block, recovered)
-        new, said = elsewhere(self._folder, self.block, past.state, past.events)
+        new, said = elsewhere(self._folder, self.block, past.state, past.taken)
         once = written_once(self._folder, self.block, past.state)
         self.points = PointsFile(self._folder, self._read, past.of_session, once)
         check_unedited(self._folder, self.block, said, self.points.of_session)
         self.decided = new
         self.past = replace(
             past,
-            events=(*past.events, *new),
             count=past.count + len(new),
             state=said if new else past.state,
         )

@@ -84,7 +84,7 @@ def write(folder: Path, strips: int, photos: int) -> int:
     count = 0
     with Journal.open(folder, session_header(block, "", None, ""))[0] as journal:
         state = start(block)
-        snapshots = Snapshots(journal, block, Past((), 0, state, frozenset()))
+        snapshots = Snapshots(journal, block, Past(0, 0, state, frozenset()))
         for strip in block.strips:
             seen: Seen = {}
             for pair in strip.models():

@@ -16,13 +16,16 @@ from orientedforw import models_of_w
 from anaplot.aliases import Progress
 from anaplot.cli import main
 from anaplot.errors import InputError
+from anaplot.exchange import journalread
 from anaplot.exchange.journal import Journal
 from anaplot.report import astext
 from anaplot.report.astext import page_parts, page_text
 from anaplot.report.html.sections.switchedoff import protocol_blocks
+from anaplot.report.journalnote import session_note
 from anaplot.report.logcommand import log_document
 from anaplot.session.changes import Change, Sizes
 from anaplot.session.events import (
+    ModelAccepted,
     ModelChosen,
     PlannedPoint,
     PointMeasured,
@@ -231,3 +234,38 @@ def test_what_does_not_fit_is_named_with_its_line(
         append_event(journal, PointMeasured("2", "3", "p", 1.0, 2.0, -91.0, 2.0, "key"))
     assert main(["log", str(block)]) == 2
     assert "0001.jsonl line 4: does not fit the block" in capsys.readouterr().err
+
+
+def test_a_journal_is_read_once_for_the_changes_and_the_note(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    block = tmp_path / "b"
+    block.mkdir()
+    (block / "block.toml").write_text(PLAIN)
+    toml = block / "block.toml"
+    plan = (PlannedPoint("p", "new", 1.0, 2.0, -91.0, 2.0),)
+    with Journal.open(block, {"block_toml": PLAIN})[0] as journal:
+        append_event(journal, ModelChosen("1", "1", "2", plan))
+        append_event(journal, PointMeasured("1", "2", "p", 1.0, 2.0, -91.0, 2.0, "key"))
+        append_event(journal, ModelAccepted("1", "2"))
+    lines: list[int] = []
+    decode = journalread.decode_line
+
+    def counted(raw, file, line, keep=None):
+        lines.append(line)
+        return decode(raw, file, line, keep)
+
+    monkeypatch.setattr(journalread, "decode_line", counted)
+    said = []
+    for text in (PLAIN, PLAIN.replace("150.0", "151.0")):
+        toml.write_text(text)
+        lines.clear()
+        assert main(["log", str(block), "--json"]) == 0
+        said.append((json.loads(capsys.readouterr().out), list(lines)))
+        assert said[-1][0]["differs_from_journal"] == session_note(block)
+    (answer, once), (other, twice) = said
+    assert answer["differs_from_journal"]["lacking"] == 2
+    assert other == answer
+    assert once == [1, 2, 3, 4]
+    # what was declared may have been changed since: whether all of it fits is seen from the events
+    assert twice == once * 2

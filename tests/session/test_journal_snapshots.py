@@ -15,6 +15,7 @@ import test_inner_rules
 import test_mono_fold
 from hypothesis import given
 from hypothesis import strategies as st
+from journaltools import events_of
 from sessionscene import Scene
 from test_going_back import mono, three
 from test_session_fold import Draft, drafts, played
@@ -101,7 +102,7 @@ def test_what_happens_behind_a_snapshot_leads_where_the_whole_fold_does(
     steps: list[Draft], at: int
 ) -> None:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(state_module, "_HISTORY", UNDO)
+        patch.setattr(state_module, "HISTORY", UNDO)
         events, states = played(steps)
         at = min(at, len(events))
         try:
@@ -214,7 +215,7 @@ class Day:
         self.count = 0
         self.pointed: Counter[Target] = Counter()
         self.journal = Journal.open(folder, {}, roll_bytes=roll_bytes)[0]
-        past = Past((), 0, self.state, frozenset())
+        past = Past(0, 0, self.state, frozenset())
         self.snapshots = Snapshots(self.journal, self.block, past)
         for k in range(3):
             self.happen(scene.choice(self.state, k))
@@ -249,20 +250,20 @@ class Day:
         journal, past = open_session(self.folder, self.block, {})
         journal.close()
         records = read_journal(self.folder, keep=lambda kind: kind in EVENT_KINDS).records
-        events, state = restored(self.block, records)
+        events, state = events_of(records), restored(self.block, records).state
         assert past.state == state == self.state
         assert past.state.last_change == state.last_change
         assert past.state._history == state._history
         assert past.of_session == accepted_ever(events)
         assert past.pointed == self.pointed
         assert past.count == len(events) == self.count
-        assert (len(past.events) < len(events)) is by_snapshot
+        assert (past.folded < len(events)) is by_snapshot
 
 
 @pytest.fixture
 def often(monkeypatch: pytest.MonkeyPatch) -> None:
     """Snapshots come often, and little may be undone."""
-    monkeypatch.setattr(state_module, "_HISTORY", UNDO)
+    monkeypatch.setattr(state_module, "HISTORY", UNDO)
     monkeypatch.setattr(restored_module, "SPACING", 7)
     monkeypatch.setattr(restored_module, "_BEHIND", 14)
 
@@ -401,7 +402,7 @@ def test_a_cut_anywhere_in_a_snapshot_leaves_the_events(tmp_path: Path) -> None:
     for cut in (begin, begin + 100, middle, middle + 50, end - 1, end):
         day.last.write_bytes(data[:cut])
         records = read_journal(day.folder, keep=lambda kind: kind in EVENT_KINDS).records
-        _, state = restored(day.block, records)
+        state = restored(day.block, records).state
         journal, past = open_session(day.folder, day.block, {})
         journal.close()
         assert past.state == state
@@ -448,7 +449,7 @@ def test_another_block_than_that_of_the_snapshot_is_folded(tmp_path: Path) -> No
     other: Block = replace(day.block, name="another")
     journal, past = open_session(day.folder, other, {})
     journal.close()
-    assert past.count == len(past.events)
+    assert past.count == past.folded
 
 
 @OFTEN

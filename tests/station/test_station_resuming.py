@@ -247,7 +247,7 @@ def test_the_simulated_hand_goes_on_where_it_was(bench: Bench) -> None:
 
 
 def test_so_it_does_behind_a_snapshot(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(state_module, "_HISTORY", 8)
+    monkeypatch.setattr(state_module, "HISTORY", 8)
     monkeypatch.setattr(restored, "SPACING", 10)
     station, watch = bench.open()
     for _ in range(2):
@@ -262,7 +262,7 @@ def test_so_it_does_behind_a_snapshot(bench: Bench, monkeypatch: pytest.MonkeyPa
 
     def past_of(*given: Any) -> restored.Past:
         past = real(*given)
-        folds.append(len(past.events) == past.count)
+        folds.append(past.folded == past.count)
         return past
 
     monkeypatch.setattr(takenup, "past_of", past_of)
