@@ -19,8 +19,9 @@ from anaplot.aliases import Progress
 from anaplot.errors import AnaplotError, InputError
 from anaplot.exchange.blockfolder import read_block
 from anaplot.exchange.blocktoml import parse_block_toml
-from anaplot.exchange.journal import JournalRecord, event_of, read_journal
+from anaplot.exchange.journal import JournalRecord, event_of
 from anaplot.exchange.journalkinds import is_known
+from anaplot.exchange.journalstored import StoredRecords
 from anaplot.exchange.patternfile import is_pattern_file
 from anaplot.exchange.recordline import OPENING
 from anaplot.orientation.results import ModelSolution
@@ -157,12 +158,11 @@ def recorded_block(session: Path, records: Iterable[JournalRecord]) -> Block:
     InputError
         Neither is there, or it is wrong.
     """
-    records = tuple(records)
-    for record in reversed(records):
-        if record.kind in OPENING:
-            said = opened_by(record)
-            if said.block_toml is not None:
-                return _with_pattern(_declared(record, said.block_toml, said.camera_files), records)
+    openings = [record for record in records if record.kind in OPENING]
+    for record in reversed(openings):
+        said = opened_by(record)
+        if said.block_toml is not None:
+            return _with_pattern(_declared(record, said.block_toml, said.camera_files), openings)
     folder = session if session.is_dir() else session.parent
     if folder.name == "sessions":
         folder = folder.parent
@@ -177,17 +177,16 @@ def _declared(record: JournalRecord, text: str, cameras: Mapping[str, str]) -> B
         raise refusal(record, str(error)) from None
 
 
-def _with_pattern(block: Block, records: Sequence[JournalRecord]) -> Block:
+def _with_pattern(block: Block, openings: Sequence[JournalRecord]) -> Block:
     """Return a block with the points of its pattern's file, where a session was opened with it."""
     name = block.measuring.pattern
     if name is None or not is_pattern_file(name):
         return block
-    for record in reversed(records):
-        if record.kind in OPENING:
-            said = opened_by(record)
-            if said.pattern == name and said.pattern_points is not None:
-                points = said.pattern_points
-                return replace(block, measuring=replace(block.measuring, points=points))
+    for record in reversed(openings):
+        said = opened_by(record)
+        if said.pattern == name and said.pattern_points is not None:
+            points = said.pattern_points
+            return replace(block, measuring=replace(block.measuring, points=points))
     return block
 
 
@@ -206,9 +205,8 @@ def replay_session(session: Path, progress: Progress | None = None) -> Replayed:
     InputError
         It cannot be read, is damaged, or does not fit its block.
     """
-    recovered = read_journal(session, keep=is_known)
-    records = recovered.records
-    block = recorded_block(session, records)
+    records = StoredRecords(session, is_known)
+    block = recorded_block(session, records.openings)
     state = start(block)
     tables = measurements = 0
     differences: list[Difference] = []
@@ -221,12 +219,12 @@ def replay_session(session: Path, progress: Progress | None = None) -> Replayed:
         measurements += measured and step.difference is None
         if step.difference is not None:
             differences.append(step.difference)
-    return Replayed(state.block, state, tables, measurements, tuple(differences), recovered.remarks)
+    return Replayed(state.block, state, tables, measurements, tuple(differences), records.remarks)
 
 
 def replay(
     block: Block,
-    records: Sequence[JournalRecord],
+    records: StoredRecords | Sequence[JournalRecord],
     pace: Callable[[JournalRecord], None] | None = None,
 ) -> Iterator[Step]:
     """Replay records one after another.
@@ -253,6 +251,10 @@ def replay(
     InputError
         An event does not fit the state: the journal is not of this block.
     """
+    if isinstance(records, StoredRecords):
+        openings = records.openings
+    else:
+        openings = [record for record in records if record.kind in OPENING]
     state = start(block)
     desks = _Desks()
     events: list[Event] = []
@@ -270,7 +272,7 @@ def replay(
             difference = line.opened(said)
             if said.block_toml is not None and (said.block_toml, said.camera_files) != declared:
                 declared = said.block_toml, said.camera_files
-                block = _with_pattern(_declared(record, *declared), records)
+                block = _with_pattern(_declared(record, *declared), openings)
                 state = _opened_with(block, events, record)
         elif record.kind == "traffic":
             line.traffic(record)

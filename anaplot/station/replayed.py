@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import TextIO
 
 from anaplot.errors import AnaplotError, InputError
-from anaplot.exchange.journal import JournalRecord, read_journal
+from anaplot.exchange.journal import JournalRecord
 from anaplot.exchange.journalkinds import is_known
+from anaplot.exchange.journalstored import StoredRecords
 from anaplot.photogrammetry.block import Block
 from anaplot.session.commands import Command
 from anaplot.session.desk import Desk
@@ -60,8 +61,8 @@ class ReplayStation(Commanded):
 
     def __init__(self, session: Path, speed: float) -> None:
         super().__init__(session)
-        self._records = read_journal(session, keep=is_known).records
-        self._block = recorded_block(session, self._records)
+        self._records = StoredRecords(session, is_known)
+        self._block = recorded_block(session, self._records.openings)
         self._speed = speed
         self._stop = threading.Event()
         self._before: datetime | None = None
