@@ -16,6 +16,7 @@ from typing import Any, NamedTuple, Self
 
 from anaplot.errors import InputError
 from anaplot.exchange.journalread import (
+    Begin,
     Choice,
     FileScan,
     Recovered,
@@ -111,6 +112,7 @@ class Journal:
         keep: Keep | None = None,
         accept: Callable[[Recovered], Mapping[str, Any] | None] | None = None,
         choose: Choice | None = None,
+        begin: Begin | None = None,
         roll_bytes: int = ROLL_BYTES,
     ) -> tuple[Self, Recovered]:
         """Lock a block, verify its journal, mend a torn tail and go on where the journal ends.
@@ -131,6 +133,9 @@ class Journal:
             journal as it was, and what it returns is said in the header, too.
         choose
             Chooses the snapshot behind which records are wanted; None: all records are.
+        begin
+            Is asked before they are read what takes them, one by one; what was recovered then has
+            none.
         roll_bytes
             Length of a file from which the next record begins a new one.
 
@@ -156,7 +161,7 @@ class Journal:
         try:
             _check_files(sessions)
             _sync_entries(folder)
-            scan = scan_folder(sessions, keep, choose)
+            scan = scan_folder(sessions, keep, choose, begin=begin)
             if accept is not None:
                 with _telling_tail(scan.files):
                     said = accept(Recovered(scan.records, (), scan.snapshot))

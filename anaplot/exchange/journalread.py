@@ -33,6 +33,7 @@ from anaplot.textfiles.wording import place, plain, reason
 
 __all__ = [
     "MAX_FILE_BYTES",
+    "Begin",
     "Choice",
     "FileScan",
     "Recovered",
@@ -61,6 +62,10 @@ Choice = Callable[[Iterable[Snapshot]], Snapshot | None]
 
 Take = Callable[[JournalRecord], object]
 """Is given every wanted record as it is read: a long journal is never there as a whole."""
+
+
+Begin = Callable[[Snapshot | None], Take]
+"""Returns what takes the records behind a snapshot, or, of None, all of them."""
 
 
 class _Behind(NamedTuple):
@@ -211,7 +216,7 @@ def scan_journal(path: Path, keep: Keep | None, take: Take, known: Sequence[File
         behind = _end_of(known[0]) if known else None
         scan = Scan((reader.scan(is_last=True, behind=behind),), (), ())
     else:
-        scan = scan_folder(folder, keep, take=take, known=known)
+        scan = scan_folder(folder, keep, begin=lambda _: take, known=known)
         if not scan.files:
             raise InputError(f"{place(folder)}: holds no journal (0001.jsonl): it was never opened")
     last = scan.files[-1]
@@ -294,7 +299,7 @@ def scan_folder(
     keep: Keep | None,
     choose: Choice | None = None,
     *,
-    take: Take | None = None,
+    begin: Begin | None = None,
     known: Sequence[FileScan] = (),
 ) -> Scan:
     """Verify all files of a journal in order.
@@ -306,10 +311,12 @@ def scan_folder(
     ----------
     folder
         The folder `sessions`.
-    keep, take, known
-        As `scan_journal` has them; where nobody takes the records, they are returned.
+    keep, known
+        As `scan_journal` has them.
     choose
         Chooses the snapshot behind which records are wanted.
+    begin
+        Is asked before they are read what takes them; where nobody does, they are returned.
 
     Raises
     ------
@@ -319,7 +326,6 @@ def scan_folder(
     numbered, remarks = numbered_files(folder)
     files = list(known[:-1])
     records: list[JournalRecord] = []
-    put = records.append if take is None else take
     last_number = max(numbered, default=0)
     for expected, number in enumerate(sorted(numbered), 1):
         if number != expected:
@@ -331,9 +337,10 @@ def scan_folder(
         paths = (numbered[number] for number in sorted(numbered))
         files = [_known(*pair) for pair in zip(paths, chosen.before, strict=False)]
         behind = _Behind(chosen.size, chosen.lines, chosen.crc, chosen.seq)
+    take = records.append if begin is None else begin(chosen)
     seq = 0
     for number in sorted(numbered)[len(files) :]:
-        reader = _FileReader(numbered[number], seq, keep, put)
+        reader = _FileReader(numbered[number], seq, keep, take)
         files.append(reader.scan(is_last=number == last_number, behind=behind))
         seq, behind = files[-1].last_seq, None
     return Scan(tuple(files), tuple(records), remarks, chosen)

@@ -14,11 +14,10 @@ from anaplot.exchange.journal import (
     Journal,
     JournalError,
     JournalRecord,
-    Recovered,
     event_of,
 )
 from anaplot.exchange.journalkinds import is_event
-from anaplot.exchange.journalread import Choice, scan_journal
+from anaplot.exchange.journalread import Choice, Take, scan_journal
 from anaplot.exchange.journalsnapshot import Snapshot
 from anaplot.exchange.statecodec import StateWriter, state_from_text
 from anaplot.photogrammetry.block import Block
@@ -30,11 +29,10 @@ from anaplot.station.imagepoints import accepted_ever
 __all__ = [
     "Folding",
     "Past",
+    "PastReading",
     "Snapshots",
     "block_digest",
     "choice_for",
-    "past_of",
-    "restored",
 ]
 
 SPACING = 600
@@ -111,6 +109,11 @@ class Folding:
         self.full = False
         self._wrong: InputError | None = None
 
+    @property
+    def fits(self) -> bool:
+        """Whether all events did."""
+        return self._wrong is None
+
     def take(self, record: JournalRecord) -> None:
         """Fold the event that a record is."""
         if self._wrong is not None:
@@ -148,24 +151,6 @@ class Folding:
             raise self._wrong
 
 
-def restored(block: Block, records: Iterable[JournalRecord]) -> Folding:
-    """Return the fold over what happened in the sessions before.
-
-    Raises
-    ------
-    InputError
-        As `Folding.check`.
-    """
-    return _folded(Folding(start(block)), records)
-
-
-def _folded(folding: Folding, records: Iterable[JournalRecord]) -> Folding:
-    for record in records:
-        folding.take(record)
-    folding.check()
-    return folding
-
-
 def block_digest(block: Block) -> str:
     """Return a digest of a block as declared, with its cameras."""
     digest = hashlib.sha256(format_block_toml(block).encode())
@@ -191,47 +176,58 @@ def choice_for(block: Block) -> Choice:
     return choose
 
 
-def past_of(folder: Path, block: Block, recovered: Recovered) -> Past:
-    """Return what a block's journal says that happened.
+class PastReading:
+    """What a block's journal says that happened, folded while the journal is opened.
 
-    Behind a snapshot only, where one leads to a state with as much to undo as there ever is;
-    else from the beginning. Both ways lead to the same state.
+    Behind a snapshot only, where one leads to a state with as much to undo as there ever is; else
+    from the beginning. Both ways lead to the same state.
 
     Parameters
     ----------
     folder, block
         The block folder, and what it declares.
-    recovered
-        What opening the journal gave.
-
-    Raises
-    ------
-    InputError
-        As `restored`.
     """
-    past = _behind(block, recovered)
-    if past is not None:
-        return past
-    if recovered.snapshot is None:
-        all_of = restored(block, recovered.records)
-    else:
-        all_of = Folding(start(block))
-        scan_journal(folder, is_event, all_of.take)
-        all_of.check()
-    return _past(all_of, 0, frozenset())
+
+    def __init__(self, folder: Path, block: Block) -> None:
+        self._folder = folder
+        self._start = start(block)
+        self._all = Folding(self._start)
+        self._behind: tuple[Snapshot, frozenset[str], Folding] | None = None
+        self._every = True
+
+    def begin(self, snapshot: Snapshot | None) -> Take:
+        """Return what takes the records behind a snapshot, or all there are."""
+        if snapshot is None:
+            return self._all.take
+        self._every = False
+        try:
+            state, ever, before = state_from_text(snapshot.text, self._start)
+        except InputError:
+            return _pass_over
+        self._behind = snapshot, ever, Folding(state, before)
+        return self._behind[2].take
+
+    def past(self) -> Past:
+        """Return what happened, when all records were taken.
+
+        Raises
+        ------
+        InputError
+            As `Folding.check`.
+        """
+        if self._behind is not None:
+            snapshot, ever, folding = self._behind
+            if folding.full and folding.fits:
+                return _past(folding, snapshot.events, ever)
+        if not self._every:  # the events from the beginning lead on, or say what is wrong
+            self._all, self._every = Folding(self._start), True
+            scan_journal(self._folder, is_event, self._all.take)
+        self._all.check()
+        return _past(self._all, 0, frozenset())
 
 
-def _behind(block: Block, recovered: Recovered) -> Past | None:
-    """Return what a snapshot and the events behind it lead to; None when that is not all."""
-    snapshot = recovered.snapshot
-    if snapshot is None:
-        return None
-    try:
-        state, ever, before = state_from_text(snapshot.text, start(block))
-        folding = _folded(Folding(state, before), recovered.records)
-    except InputError:
-        return None  # the events from the beginning lead on, or say what is wrong
-    return _past(folding, snapshot.events, ever) if folding.full else None
+def _pass_over(record: JournalRecord) -> None:
+    """Take a record that is read again from the beginning."""
 
 
 def _past(folding: Folding, before: int, ever: frozenset[str]) -> Past:

@@ -18,7 +18,7 @@ from anaplot.station.edited import check_unedited, written_once
 from anaplot.station.lastshift import last_shift
 from anaplot.station.pointsfile import BlockRead, PointsFile
 from anaplot.station.rejectedelsewhere import elsewhere
-from anaplot.station.restored import Past, choice_for, past_of
+from anaplot.station.restored import Past, PastReading, choice_for
 
 __all__ = ["TakenUp"]
 
@@ -69,18 +69,27 @@ class TakenUp:
         return f"the counters are moved as before: {in_words(by, mono=alike)}"
 
     def open(self, header: Mapping[str, Any]) -> tuple[Journal, Recovered]:
-        """Open the journal, and take up what it says; errors as `Journal.open` and `take`."""
+        """Open the journal, and take up what it says.
+
+        Raises
+        ------
+        InputError
+            As `Journal.open`; or the journal does not fit the block, or somebody else changed a row
+            of the session's.
+        """
+        reading = PastReading(self._folder, self.block)
         # the device of a simulation begins anew, too
         self._profile = None if header.get("simulated") else header.get("profile")
         return Journal.open(
             self._folder,
             header,
             keep=is_event,
-            accept=self.take,
+            accept=lambda _: self._take(reading),
             choose=choice_for(self.block),
+            begin=reading.begin,
         )
 
-    def take(self, recovered: Recovered) -> dict[str, Any]:
+    def _take(self, reading: PastReading) -> dict[str, Any]:
         """Take up the session where its journal ends; returns what its header says of that.
 
         Raises
@@ -90,7 +99,7 @@ class TakenUp:
             what a strategy for gross errors rejected there is taken over.
         """
         self._read_again()
-        past = past_of(self._folder, self.block, recovered)
+        past = reading.past()
         new, said = elsewhere(self._folder, self.block, past.state, past.taken)
         once = written_once(self._folder, self.block, past.state)
         self.points = PointsFile(self._folder, self._read, past.of_session, once)

@@ -29,7 +29,8 @@ import numpy as np
 
 from anaplot.exchange.blockfolder import read_block, write_control, write_new_block
 from anaplot.exchange.eventcodec import event_to_payload
-from anaplot.exchange.journal import Journal, read_journal
+from anaplot.exchange.journal import Journal
+from anaplot.exchange.journalread import scan_journal
 from anaplot.photogrammetry.block import Strip
 from anaplot.planning.syntheticblock import SyntheticBlock, synthetic_block
 from anaplot.session.events import (
@@ -43,7 +44,7 @@ from anaplot.session.events import (
 from anaplot.session.state import apply, start
 from anaplot.simulation.instrument import SimulationSetup
 from anaplot.station.header import session_header
-from anaplot.station.restored import Past, Snapshots, restored
+from anaplot.station.restored import Folding, Past, Snapshots
 from anaplot.station.station import Station
 
 POINTS = 20  # a model, at most
@@ -108,8 +109,9 @@ def loads(folder: Path) -> None:
 
 def replayed(folder: Path) -> None:
     """Make the state of all events, without a snapshot."""
-    records = read_journal(folder, keep=lambda kind: kind in EVENT_KINDS).records
-    restored(read_block(folder), records)
+    folding = Folding(start(read_block(folder)))
+    scan_journal(folder, lambda kind: kind in EVENT_KINDS, folding.take)
+    folding.check()
 
 
 def opened(folder: Path, *, simulate: bool = False) -> None:

@@ -41,12 +41,12 @@ from anaplot.session.events import (
 )
 from anaplot.session.pointedat import Target, Targets, pointed_at
 from anaplot.session.returning import AsAccepted
-from anaplot.session.state import EventRefusedError, SessionState, apply, start
+from anaplot.session.state import EventRefusedError, SessionState, apply, fold, start
 from anaplot.station import restored as restored_module
 from anaplot.station import snapshotcheck
 from anaplot.station.imagepoints import accepted_ever
 from anaplot.station.replay import replay_session
-from anaplot.station.restored import Past, Snapshots, choice_for, past_of, restored
+from anaplot.station.restored import Past, PastReading, Snapshots, choice_for
 from anaplot.station.salvage import salvage
 from anaplot.station.station import Station
 
@@ -193,11 +193,17 @@ def test_a_model_stands_once_in_a_text_whichever_object_it_is(tmp_path: Path) ->
 
 def open_session(folder: Path, block: Block, header: dict[str, object]) -> tuple[Journal, Past]:
     """Open a block's journal as a station does."""
+    reading = PastReading(folder, block)
     journal, recovered = Journal.open(
-        folder, header, keep=lambda kind: kind in EVENT_KINDS, choose=choice_for(block)
+        folder,
+        header,
+        keep=lambda kind: kind in EVENT_KINDS,
+        choose=choice_for(block),
+        begin=reading.begin,
     )
     try:
-        return journal, past_of(folder, block, recovered)
+        assert recovered.records == ()
+        return journal, reading.past()
     except BaseException:
         journal.close()
         raise
@@ -250,7 +256,8 @@ class Day:
         journal, past = open_session(self.folder, self.block, {})
         journal.close()
         records = read_journal(self.folder, keep=lambda kind: kind in EVENT_KINDS).records
-        events, state = events_of(records), restored(self.block, records).state
+        events = events_of(records)
+        state = fold(start(self.block), events)
         assert past.state == state == self.state
         assert past.state.last_change == state.last_change
         assert past.state._history == state._history
@@ -402,7 +409,7 @@ def test_a_cut_anywhere_in_a_snapshot_leaves_the_events(tmp_path: Path) -> None:
     for cut in (begin, begin + 100, middle, middle + 50, end - 1, end):
         day.last.write_bytes(data[:cut])
         records = read_journal(day.folder, keep=lambda kind: kind in EVENT_KINDS).records
-        state = restored(day.block, records).state
+        state = fold(start(day.block), events_of(records))
         journal, past = open_session(day.folder, day.block, {})
         journal.close()
         assert past.state == state

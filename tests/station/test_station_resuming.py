@@ -14,7 +14,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import automaticjob
 import pytest
@@ -34,7 +33,7 @@ from anaplot.session.events import FiducialMeasured, PointMeasured
 from anaplot.session.state import SessionState, fold, start
 from anaplot.simulation.demo import Demo
 from anaplot.simulation.instrument import SimulatedInstrument
-from anaplot.station import restored, takenup
+from anaplot.station import restored
 from anaplot.station.replay import replay_session
 from anaplot.station.replayed import ReplayStation
 from anaplot.station.sessionlog import read_log
@@ -258,14 +257,14 @@ def test_so_it_does_behind_a_snapshot(bench: Bench, monkeypatch: pytest.MonkeyPa
         station.accept()
     station.close()
     folds: list[bool] = []
-    real = restored.past_of
+    real = restored.PastReading.past
 
-    def past_of(*given: Any) -> restored.Past:
-        past = real(*given)
+    def past_of(reading: restored.PastReading) -> restored.Past:
+        past = real(reading)
         folds.append(past.folded == past.count)
         return past
 
-    monkeypatch.setattr(takenup, "past_of", past_of)
+    monkeypatch.setattr(restored.PastReading, "past", past_of)
     pointed = []
     for behind in (10, 1_000_000):
         monkeypatch.setattr(restored, "_BEHIND", behind)
