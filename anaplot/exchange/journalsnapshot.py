@@ -29,6 +29,7 @@ __all__ = [
     "PART",
     "SNAPSHOT",
     "VERSION",
+    "VERSIONS",
     "Before",
     "Snapshot",
     "parts_of",
@@ -40,8 +41,11 @@ __all__ = [
 SNAPSHOT = "snapshot"
 PART = "snapshot-part"
 
-VERSION = 3
+VERSION = 4
 """Of what the text says; it rises when the state that it stands for has another form."""
+
+VERSIONS = (3, VERSION)
+"""Those that are read. 3: models computed anew stand with all models of the block."""
 
 _PART_CHARACTERS = 500_000
 _MAX_TEXT = 200_000_000
@@ -169,7 +173,7 @@ def _of_last(paths: Sequence[Path], max_bytes: int, sums: list[list[int]]) -> It
 
 def _of_this_form(record: JournalRecord) -> bool:
     said = record.payload
-    return bool(said.get("version") == VERSION and said.get("format") == JOURNAL_FORMAT)
+    return bool(said.get("version") in VERSIONS and said.get("format") == JOURNAL_FORMAT)
 
 
 def _trusted(

@@ -227,7 +227,8 @@ def state_from_text(text: str, start: SessionState) -> Told:
             returned=None if back is None else Return(named(back[0]), *back[1:]),
             latest=latest,
             recomputed=tuple(
-                AsAccepted(photos, tuple(table[n] for n in numbers))
+                # texts of version 3 have all models of the block
+                AsAccepted.among(photos, [table[n] for n in numbers])
                 for photos, numbers in recomputed
             ),
             reasons=reasons,

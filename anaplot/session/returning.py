@@ -48,10 +48,26 @@ class Return:
 
 @dataclass(frozen=True, slots=True)
 class AsAccepted:
-    """An accepted model that was computed anew since, and the accepted models as they were then."""
+    """An accepted model that was computed anew since, and its strip as it was then.
+
+    Attributes
+    ----------
+    photos
+        Of the model.
+    models
+        The accepted models of its strip: it follows from them. Those of the whole block would be
+        as many as models times models computed anew.
+    """
 
     photos: tuple[str, str]
     models: Models
+
+    @classmethod
+    def among(cls, photos: tuple[str, str], models: Iterable[ModelState]) -> AsAccepted:
+        """Return what of all accepted models a model follows from."""
+        models = tuple(models)
+        strip = next((model.strip for model in models if model.photos == photos), None)
+        return cls(photos, tuple(model for model in models if model.strip == strip))
 
 
 def same_measurements(one: ModelState, other: ModelState) -> bool:
@@ -89,7 +105,7 @@ def recomputed_since(
         The accepted models as they were before.
     """
     told = {one.photos for one in known}
-    return (*known, *(AsAccepted(m.photos, models) for m in anew if m.photos not in told))
+    return (*known, *(AsAccepted.among(m.photos, models) for m in anew if m.photos not in told))
 
 
 def replaced(

@@ -6,7 +6,7 @@ from collections import Counter
 
 from anaplot.errors import InputError
 from anaplot.exchange.journal import JournalRecord
-from anaplot.exchange.journalsnapshot import PART, SNAPSHOT, VERSION, text_of
+from anaplot.exchange.journalsnapshot import PART, SNAPSHOT, VERSIONS, text_of
 from anaplot.exchange.statecodec import StateWriter, state_from_text
 from anaplot.session.events import Event
 from anaplot.session.pointedat import Target, pointed_at
@@ -47,7 +47,7 @@ class SnapshotCheck:
             self._parts.append(record)
             return None
         parts, self._parts = self._parts, []
-        if record.kind != SNAPSHOT or record.payload.get("version") != VERSION:
+        if record.kind != SNAPSHOT or record.payload.get("version") not in VERSIONS:
             return None
         text = text_of(parts)
         if text is None:

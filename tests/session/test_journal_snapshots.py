@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import json
 import zlib
 from collections import Counter
 from collections.abc import Callable, Iterable
@@ -19,6 +20,7 @@ from journaltools import events_of
 from sessionscene import Scene
 from test_going_back import mono, three
 from test_session_fold import Draft, drafts, played
+from transferscene import flown, second_strip_begun
 
 from anaplot.errors import InputError
 from anaplot.exchange import journalsnapshot
@@ -179,6 +181,34 @@ def test_models_that_do_not_fit_the_block_are_refused() -> None:
     ):
         with pytest.raises(InputError, match="does not fit the block"):
             read_back(replace(state, models=(wrong, *state.models[1:])))
+
+
+def two_strips() -> SessionState:
+    """Three models of a strip and one of another, of which the first is accepted anew."""
+    begun = second_strip_begun(flown(1))
+    assert begun.current is not None
+    state = replace(begun, models=(*begun.models, begun.current), current=None)
+    first = state.models[0]
+    state = apply(state, ModelReopened(*first.photos))
+    state = apply(state, RowSwitched(first.measured[0].point, "y", on=False))
+    return apply(state, ModelAccepted(*first.photos))
+
+
+def test_a_model_computed_anew_stands_with_those_of_its_strip_as_they_were() -> None:
+    before = second_strip_begun(flown(1)).models
+    state = two_strips()
+    assert [one.photos for one in state.recomputed] == [m.photos for m in before[1:]]
+    assert all(one.models == before for one in state.recomputed)
+    check_same(read_back(state), state)
+    numbers = json.loads(StateWriter().text(state, (), {}))[7]
+    assert [len(listed) for _, listed in numbers] == [3, 3]
+
+
+def test_so_it_is_read_where_a_text_has_all_models_of_the_block() -> None:
+    state = two_strips()
+    before = second_strip_begun(flown(1)).models
+    every = tuple(AsAccepted(one.photos, (*before, state.models[-1])) for one in state.recomputed)
+    check_same(read_back(replace(state, recomputed=every)), state)
 
 
 def test_a_model_stands_once_in_a_text_whichever_object_it_is(tmp_path: Path) -> None:
@@ -355,9 +385,20 @@ def test_every_file_is_summed_once_and_only_for_snapshots_of_this_form(
     assert len(list(snapshots_of(files, MAX_FILE_BYTES))) >= len(with_some) > 1
     assert summed == files[: with_some[-1]]
     summed.clear()
-    monkeypatch.setattr(journalsnapshot, "VERSION", journalsnapshot.VERSION + 1)
+    monkeypatch.setattr(journalsnapshot, "VERSIONS", (journalsnapshot.VERSION + 1,))
     assert list(snapshots_of(files, MAX_FILE_BYTES)) == []
     assert summed == []
+
+
+@OFTEN
+def test_a_snapshot_of_the_version_before_serves(tmp_path: Path) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(journalsnapshot, "VERSION", 3)
+        day = Day(tmp_path / "b")
+        day.journal.close()
+    assert b'"version":3' in day.last.read_bytes()
+    assert len(list(snapshots_of([day.last], MAX_FILE_BYTES))) > 3
+    assert replay_session(day.folder).differences == ()
 
 
 @OFTEN
@@ -374,7 +415,8 @@ def test_damage_before_a_snapshot_is_refused_as_ever(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new"),
     [
-        (b'"version":3', b'"version":1'),
+        (b'"version":4', b'"version":2'),
+        (b'"version":4', b'"version":5'),
         (b'"format":1', b'"format":2'),
         (b'"parts":1', b'"parts":2'),
         (b'"part_bytes":', b'"part_bytes":1'),
