@@ -36,7 +36,7 @@ __all__ = [
 ]
 
 SPACING = 600
-"""Events from one snapshot to the next."""
+"""Events from one snapshot to the next, where a block has no more models than that."""
 
 _BEHIND = 1200  # events wanted behind a snapshot: they hold all that may be undone, as a rule
 
@@ -262,7 +262,8 @@ class Snapshots:
         self._ever = set(past.of_session)
         self._pointed = Counter(past.pointed)
         self._state = past.state
-        self._next = past.count + SPACING - past.count % SPACING
+        spacing = _spacing(past.state)
+        self._next = past.count + spacing - past.count % spacing
 
     def happened(self, events: Iterable[Event], state: SessionState) -> None:
         """Take notice of recorded events, and of the state that they led to.
@@ -289,4 +290,13 @@ class Snapshots:
             self._journal.append_snapshot(text, self._digest, self._count)
         except JournalError:
             return
-        self._next = self._count + SPACING
+        self._next = self._count + _spacing(state)
+
+
+def _spacing(state: SessionState) -> int:
+    """Return how many events stand between two snapshots.
+
+    A model takes about as much in a snapshot as an event in the journal: snapshots of many models
+    at the same distance would soon be most of it.
+    """
+    return max(SPACING, len(state.models))

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
+from typing import ClassVar, cast
 
 import pytest
 import test_inner_rules
@@ -388,6 +389,25 @@ def test_every_file_is_summed_once_and_only_for_snapshots_of_this_form(
     monkeypatch.setattr(journalsnapshot, "VERSIONS", (journalsnapshot.VERSION + 1,))
     assert list(snapshots_of(files, MAX_FILE_BYTES)) == []
     assert summed == []
+
+
+def test_snapshots_of_many_models_are_farther_apart() -> None:
+    class Counting:
+        counts: ClassVar[list[int]] = []
+
+        def append_snapshot(self, text: str, block: str, events: int) -> None:
+            self.counts.append(events)
+
+    state = three()
+    many = replace(state, models=(state.models * 900)[:900])
+    accepted = [ModelAccepted(*state.models[0].photos)] * 100
+    for at_work, expected in ((state, [600, 1200, 1800]), (many, [900, 1800])):
+        Counting.counts.clear()
+        past = Past(0, 100, at_work, frozenset())
+        snapshots = Snapshots(cast("Journal", Counting()), state.block, past)
+        for _ in range(17):
+            snapshots.happened(accepted, at_work)
+        assert Counting.counts == expected
 
 
 @OFTEN
