@@ -38,6 +38,7 @@ __all__ = [
 SPACING = 600
 """Events from one snapshot to the next, where a block has no more models than that."""
 
+_AT_ONCE = 500  # records: to fold them between two lines each takes longer
 _BEHIND = 1200  # events wanted behind a snapshot: they hold all that may be undone, as a rule
 
 
@@ -70,7 +71,7 @@ class Past:
 
 
 class Folding:
-    """The fold over a journal's events as its records come in, of which none is kept.
+    """The fold over a journal's events as its records come in, of which few are kept.
 
     The first that does not fit is kept in mind, and what comes behind it is left: whoever reads
     the journal says first what is wrong with it as such.
@@ -108,45 +109,57 @@ class Folding:
         self.pointed = Counter(before)
         self.full = False
         self._wrong: InputError | None = None
+        self._ahead: list[JournalRecord] = []
 
     @property
     def fits(self) -> bool:
-        """Whether all events did."""
+        """Whether all events did, when the last ones were folded."""
         return self._wrong is None
 
     def take(self, record: JournalRecord) -> None:
-        """Fold the event that a record is."""
+        """Fold the event that a record is, with others or when the last one is taken."""
+        self._ahead.append(record)
+        if len(self._ahead) >= _AT_ONCE:
+            self.fold()
+
+    def fold(self) -> None:
+        """Fold the last ones."""
+        records, self._ahead = self._ahead, []
         if self._wrong is not None:
             return
-        try:
-            event = event_of(record)
-            state = self.state = apply(self.state, event)
-        except EventRefusedError as error:
-            self._wrong = InputError(
-                f"{record.file} line {record.line}: does not fit block.toml: {error}"
-            )
-            return
-        except InputError as error:
-            self._wrong = error
-            return
-        self.count += 1
-        if isinstance(event, ModelAccepted):
-            self.ever |= accepted_ever((event,))
-        elif isinstance(event, DecisionsTakenOver):
-            self.taken = event
-        target = pointed_at(event, state.current)
-        if target is not None:
-            self.pointed[target] += 1
-        self.full = self.full or state.undo_is_full
+        state, pointed, full = self.state, self.pointed, self.full
+        for record in records:
+            try:
+                event = event_of(record)
+                state = apply(state, event)
+            except EventRefusedError as error:
+                self._wrong = InputError(
+                    f"{record.file} line {record.line}: does not fit block.toml: {error}"
+                )
+                break
+            except InputError as error:
+                self._wrong = error
+                break
+            self.count += 1
+            if isinstance(event, ModelAccepted):
+                self.ever |= accepted_ever((event,))
+            elif isinstance(event, DecisionsTakenOver):
+                self.taken = event
+            target = pointed_at(event, state.current)
+            if target is not None:
+                pointed[target] += 1
+            full = full or state.undo_is_full
+        self.state, self.full = state, full
 
     def check(self) -> None:
-        """Refuse what does not fit.
+        """Fold the last ones, and refuse what does not fit.
 
         Raises
         ------
         InputError
             A record is no event, or does not fit the block; says which.
         """
+        self.fold()
         if self._wrong is not None:
             raise self._wrong
 
@@ -217,6 +230,7 @@ class PastReading:
         """
         if self._behind is not None:
             snapshot, ever, folding = self._behind
+            folding.fold()
             if folding.full and folding.fits:
                 return _past(folding, snapshot.events, ever)
         if not self._every:  # the events from the beginning lead on, or say what is wrong

@@ -304,6 +304,7 @@ def often(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(state_module, "HISTORY", UNDO)
     monkeypatch.setattr(restored_module, "SPACING", 7)
     monkeypatch.setattr(restored_module, "_BEHIND", 14)
+    monkeypatch.setattr(restored_module, "_AT_ONCE", 5)
 
 
 OFTEN = pytest.mark.usefixtures("often")
