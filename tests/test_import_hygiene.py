@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import importlib.util
 import pkgutil
 import re
@@ -233,34 +232,6 @@ def every_module() -> list[str]:
         for found in pkgutil.walk_packages(anaplot.__path__, "anaplot.")
         if not found.name.endswith("__main__")
     ]
-
-
-def test_what_others_import_is_public() -> None:
-    trees = {}
-    for name in every_module():
-        spec = importlib.util.find_spec(name)
-        assert spec is not None
-        assert spec.origin is not None
-        trees[name] = ast.parse(Path(spec.origin).read_text(encoding="utf-8"))
-    public = {
-        name: {
-            word
-            for node in tree.body
-            if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "__all__"
-            for word in ast.literal_eval(node.value)
-        }
-        for name, tree in trees.items()
-    }
-    hidden = {
-        f"{node.module}.{each.name}"
-        for tree in trees.values()
-        for node in ast.walk(tree)
-        if isinstance(node, ast.ImportFrom) and node.module in trees
-        for each in node.names
-        if f"{node.module}.{each.name}" not in trees and each.name not in public[node.module]
-    }
-    assert len(trees) > 40
-    assert not hidden
 
 
 def test_nothing_imports_scipy_stats() -> None:
