@@ -75,6 +75,7 @@ def test_check_points_have_the_factor_of_control_and_its_degrees(kind: str) -> N
     assert parted.sigma_factor == pytest.approx(after.sigma_factor, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_control_of_which_nothing_is_estimated_leaves_check_points_as_stated() -> None:
     held = prior_estimate(adjust_block(given(1, few=True)), "separate")
     assert held.prior.interval is None

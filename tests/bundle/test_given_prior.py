@@ -344,7 +344,9 @@ def test_the_global_test_keeps_its_size():
 # --- with the searches for gross errors -----------------------------------------------------
 
 
-@pytest.mark.parametrize("strategy", ["tau", "search", "l1"])
+@pytest.mark.parametrize(
+    "strategy", ["tau", *(pytest.param(name, marks=pytest.mark.slow) for name in ("search", "l1"))]
+)
 def test_strategies_reject_as_with_both_at_once(shaken, strategy):
     halves, _ = shaken
     rows = list(halves.second.image_points)

@@ -14,6 +14,7 @@ from anaplot.bundle.epochs.displacementtests import epoch_tests
 from anaplot.bundle.epochs.located import free_one_by_one
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("height", [0.6, 1.2])  # some five and ten standard deviations
 def test_a_part_that_moves_as_a_whole_is_named_and_nothing_that_adjoins_it(height) -> None:
     runs, alpha = 60, 0.05

@@ -56,7 +56,8 @@ def test_mirrored_images_are_told(which: str) -> None:
     assert TOLD in said(measured(IMAGES[which]))
 
 
-@pytest.mark.parametrize("which", [pytest.param("X and Y", marks=pytest.mark.slow), "Z"])
+@pytest.mark.slow
+@pytest.mark.parametrize("which", GROUND)
 def test_left_handed_control_is_told(which: str) -> None:
     assert TOLD in said(moved(block(), lambda row: GROUND[which](*row.xyz)))
 

@@ -113,6 +113,7 @@ def test_a_minimum_that_fits_and_one_with_gross_errors_stay() -> None:
     assert np.linalg.norm(moved, axis=1).max() < 40.0
 
 
+@pytest.mark.slow
 def test_the_minimum_that_there_was_is_no_lower_one(monkeypatch: pytest.MonkeyPatch) -> None:
     """A gross error remains wherever the photos stand: their places are tried, and that is it."""
     tried = []
@@ -133,6 +134,7 @@ def test_the_minimum_that_there_was_is_no_lower_one(monkeypatch: pytest.MonkeyPa
         tried.clear()
 
 
+@pytest.mark.slow
 def test_control_free_of_error_stays_where_it_is() -> None:
     """Half of the control free of error, a ray 20 sigmas off, at most ten rays a photo."""
     for seed in (*range(8), 25):

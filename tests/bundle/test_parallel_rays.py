@@ -107,6 +107,7 @@ def test_so_it_is_without_any_noise() -> None:
     same_figures(block, adjust_block(without(scene.block, {"far0"})))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_what_one_place_alone_has_seen_is_left_out(seed: int) -> None:
     whole, alone = room_with_panorama(seed)
@@ -121,6 +122,7 @@ def test_what_one_place_alone_has_seen_is_left_out(seed: int) -> None:
     assert found.out == block_gross_errors(same, "search").out
 
 
+@pytest.mark.slow
 def test_they_stay_out_when_other_rows_change() -> None:
     whole, alone = room_with_panorama(0)
     block = adjust_block(whole)

@@ -236,7 +236,7 @@ def test_errors_that_hide_behind_an_estimated_sigma_are_not_called_good():
 
 
 @pytest.mark.parametrize("test", [TAU, BAARDA])
-@pytest.mark.parametrize("count", [2, 3])
+@pytest.mark.parametrize("count", [2, pytest.param(3, marks=pytest.mark.slow)])
 def test_of_several_large_errors_one_is_to_be_measured_again(test, count):
     """Odds of a single error name a good row that they bend, or sigma0 hides them all."""
     rng = np.random.default_rng(7)
