@@ -52,11 +52,11 @@ def other_place(block: Block, point: str, by: float) -> Block:
 def test_no_two_names_are_passed_over_unseen(far: float) -> None:
     rng, met = np.random.default_rng(4), 0
     for _ in range(400):
-        at = far + rng.normal(size=(int(rng.integers(2, 60)), 3)) * rng.choice([1.0, 1e3], size=3)
+        at = far + rng.normal(size=(int(rng.integers(3, 60)), 3)) * rng.choice([1.0, 1e3], size=3)
         if rng.random() < 0.5:
             at[-1] = at[0] + rng.normal(size=3) * 10.0 ** rng.uniform(-6.0, 0.0)
         reach = 10.0 ** rng.uniform(-5.0, 1.0, size=len(at))
-        certain = reach < 0.25 * np.median(cKDTree(at).query(at, k=2)[0][:, 1])
+        certain = reach < 0.25 * np.median(cKDTree(at).query(at, k=3)[0][:, 2])
         if certain.sum() < 2:
             continue
         near = cKDTree(at[certain]).query_pairs(2.0**0.5 * reach[certain].max())
@@ -89,6 +89,22 @@ def test_every_point_under_two_names_is_named() -> None:
         assert one.statistic == pytest.approx(clean.vtpv - adjusted.vtpv, abs=1e-3)
         assert one.statistic < one.critical == pytest.approx(16.266, abs=1e-3)
         assert one.sigma0 == pytest.approx(clean.sigma0)
+
+
+def test_points_that_stand_in_twos_keep_no_double_name_from_being_named() -> None:
+    """The nearest neighbour of each is its twin, hardly farther than their accuracy tells apart."""
+    block, rng = second_name(measured(1), "02-02", "new"), np.random.default_rng(5)
+    twins = [
+        replace(row, point=f"{row.point}t", x=row.x + 0.07 + dx, y=row.y + dy)
+        for row, (dx, dy) in zip(
+            block.image_points, rng.normal(0.0, 0.005, (len(block.image_points), 2)), strict=True
+        )
+    ]
+    # the twin of a point under two names has one
+    twins = [replace(row, point="02-02t") if row.point == "newt" else row for row in twins]
+    adjusted = adjust_block(rows(block, *block.image_points, *twins))
+    (one,) = double_names(adjusted)
+    assert (set(one.points), one.rays) == ({"02-02", "new"}, ())
 
 
 def test_two_names_in_one_photo_at_different_places_are_two_points() -> None:

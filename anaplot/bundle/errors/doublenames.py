@@ -28,7 +28,8 @@ __all__ = ["DoubleName", "double_names"]
 
 _ALPHA = 0.001  # of the tests of three conditions
 _SIGMAS = 4.0  # two rays as near as that are one
-_SPARSE = 0.25  # of the usual distance of neighbours: points less certain say nothing
+_SPARSE = 0.25  # of the usual distance to the second neighbour: points less certain say nothing
+_FEWEST = 3  # points that have two neighbours each
 _WIDER = 36.0  # times the square up to which points may be one: how many are neighbours by chance
 _BY_CHANCE = 0.025  # of as many as near in a good block, with a common photo or without
 _MOST = 4  # of either kind that are tried
@@ -124,7 +125,7 @@ def _near(block: AdjustedBlock, critical: float) -> Iterator[tuple[str, str]]:
     problem = block.problem
     at, q = block.state.points, block.cofactors.points
     sound = np.flatnonzero(np.isfinite(at).all(axis=1) & np.isfinite(q).all(axis=(1, 2)))
-    if len(sound) < 2:
+    if len(sound) < _FEWEST:
         return
     q = q * max(block.sigma0 or 1.0, 1.0) ** 2
     reach = np.sqrt(critical * np.linalg.eigvalsh(q[sound])[:, -1])
@@ -133,8 +134,9 @@ def _near(block: AdjustedBlock, critical: float) -> Iterator[tuple[str, str]]:
     from scipy.spatial import cKDTree  # half as long to load as NumPy, and seldom needed
 
     tree = cKDTree(at[sound])
-    apart = float(np.median(np.asarray(tree.query(at[sound], k=2)[0])[:, 1]))
-    certain = reach < _SPARSE * apart
+    # the second one: points may stand in twos
+    neighbours = np.asarray(tree.query(at[sound], k=(1, 2, 3))[0])
+    certain = reach < _SPARSE * float(np.median(neighbours[:, -1]))
     sound, reach = sound[certain], reach[certain]
     if len(sound) < 2:
         return
@@ -199,13 +201,13 @@ def _may_meet(at: Array, reach: Array) -> bool:
     """Whether any two of (n, 3) points that are certain enough may lie within their (n,) reach.
 
     Two points no farther apart than an edge lie in one cube of twice that edge, in one of eight
-    grids that are half a cube off each other. Which points are certain hangs on the distance of
-    neighbours; that of neighbours along an axis is no less.
+    grids that are half a cube off each other. Which points are certain hangs on the distance to
+    the second neighbour; along an axis the farther one of those on either side is no nearer.
     """
     order = np.argsort(at[:, 0], kind="stable")
     steps = np.linalg.norm(np.diff(at[order], axis=0), axis=1)
-    nearest = np.minimum(np.append(steps, np.inf), np.append(np.inf, steps))
-    certain = reach < _SPARSE * (1.0 + _ALIKE) * float(np.median(nearest))
+    farther = np.maximum(np.append(steps, np.inf), np.append(np.inf, steps))
+    certain = reach < _SPARSE * (1.0 + _ALIKE) * float(np.median(farther))
     places = at[certain] - at.mean(axis=0)
     if len(places) < 2:
         return False
