@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from journaltools import events_of
+from journaltools import events_of, wait_for_no_disk
 
 from anaplot.errors import InputError
 from anaplot.exchange.journal import Journal, JournalRecord, read_journal
@@ -51,9 +51,8 @@ def assert_one_safe_line(error: InputError) -> None:
 
 @pytest.fixture(autouse=True)
 def no_waiting_for_the_disk(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Journals are opened by the hundred here, and read again by the same system."""
-    monkeypatch.setattr(os, "fsync", lambda descriptor: None)
-    monkeypatch.setattr(os, "fdatasync", lambda descriptor: None, raising=False)
+    """Journals are opened by the hundred here."""
+    wait_for_no_disk(monkeypatch)
 
 
 class Folder:

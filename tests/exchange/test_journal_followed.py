@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import os
 import random
 from pathlib import Path
 
 import pytest
+from journaltools import lines_decoded, wait_for_no_disk
 
 from anaplot.errors import InputError
 from anaplot.exchange import journalread
@@ -20,23 +20,13 @@ SESSIONS = Path(__file__).parents[1] / "sessions"
 
 @pytest.fixture(autouse=True)
 def no_waiting_for_the_disk(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What is read again was written by the same system."""
-    monkeypatch.setattr(os, "fsync", lambda descriptor: None)
-    monkeypatch.setattr(os, "fdatasync", lambda descriptor: None, raising=False)
+    wait_for_no_disk(monkeypatch)
 
 
 @pytest.fixture
 def decoded(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Numbers of the lines that are read from now on."""
-    lines: list[int] = []
-    decode = journalread.decode_line
-
-    def counted(raw, file, line, keep=None):
-        lines.append(line)
-        return decode(raw, file, line, keep)
-
-    monkeypatch.setattr(journalread, "decode_line", counted)
-    return lines
+    return lines_decoded(monkeypatch, journalread)
 
 
 class Following:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import os
 import tracemalloc
 from pathlib import Path
 
 import pytest
-from journaltools import append_event
+from journaltools import PLAIN, append_event, lines_decoded, wait_for_no_disk
 
 from anaplot.errors import InputError
 from anaplot.exchange import journalstored
@@ -18,24 +17,11 @@ from anaplot.session.events import ModelChosen, PlannedPoint, PointMeasured
 from anaplot.station.replay import recorded_block, replay, replay_session
 
 SESSIONS = Path(__file__).parents[1] / "sessions"
-PLAIN = """\
-format = 1
-name = "b"
-[[camera]]
-id = "c"
-c = 150.0
-[[strip]]
-id = "1"
-first = "1"
-last = "3"
-"""
 
 
 @pytest.fixture(autouse=True)
 def no_waiting_for_the_disk(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What is read again was written by the same system."""
-    monkeypatch.setattr(os, "fsync", lambda descriptor: None)
-    monkeypatch.setattr(os, "fdatasync", lambda descriptor: None, raising=False)
+    wait_for_no_disk(monkeypatch)
 
 
 def known(kind: str) -> bool:
@@ -81,14 +67,7 @@ def test_what_is_added_meanwhile_is_none_of_them_and_a_change_is_told(tmp_path: 
 def test_a_replay_reads_as_far_as_it_is_played(monkeypatch: pytest.MonkeyPatch) -> None:
     session = SESSIONS / "changes.jsonl"
     stored = StoredRecords(session, is_known)
-    lines: list[int] = []
-    decode = journalstored.decode_line
-
-    def counted(raw, file, line):
-        lines.append(line)
-        return decode(raw, file, line)
-
-    monkeypatch.setattr(journalstored, "decode_line", counted)
+    lines = lines_decoded(monkeypatch, journalstored)
     steps = replay(recorded_block(session, stored.openings), stored)
     for number in range(1, 6):
         assert next(steps).record.line == number

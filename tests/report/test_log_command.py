@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from journaltools import append_event
+from journaltools import PLAIN, append_event, lines_decoded
 from orientedforw import models_of_w
 
 from anaplot.aliases import Progress
@@ -35,17 +35,6 @@ from anaplot.session.events import (
 from anaplot.station.sessionlog import SessionLog, read_log
 
 SESSION = Path(__file__).parents[1] / "sessions" / "changes.jsonl"
-PLAIN = """\
-format = 1
-name = "b"
-[[camera]]
-id = "c"
-c = 150.0
-[[strip]]
-id = "1"
-first = "1"
-last = "3"
-"""
 KEYS = ["time", "who", "what", "model", "photo", "point", "axis"]
 KEYS += ["old", "new", "reason", "w_before", "w_after"]
 
@@ -248,14 +237,7 @@ def test_a_journal_is_read_once_for_the_changes_and_the_note(
         append_event(journal, ModelChosen("1", "1", "2", plan))
         append_event(journal, PointMeasured("1", "2", "p", 1.0, 2.0, -91.0, 2.0, "key"))
         append_event(journal, ModelAccepted("1", "2"))
-    lines: list[int] = []
-    decode = journalread.decode_line
-
-    def counted(raw, file, line, keep=None):
-        lines.append(line)
-        return decode(raw, file, line, keep)
-
-    monkeypatch.setattr(journalread, "decode_line", counted)
+    lines = lines_decoded(monkeypatch, journalread)
     said = []
     for text in (PLAIN, PLAIN.replace("150.0", "151.0")):
         toml.write_text(text)
