@@ -164,13 +164,13 @@ class Journal:
             scan = scan_folder(sessions, keep, choose, begin=begin)
             if accept is not None:
                 with _telling_tail(scan.files):
-                    said = accept(Recovered(scan.records, (), scan.snapshot))
+                    said = accept(Recovered(scan.records, ()))
                 journal._header |= said or {}
             remarks = [*scan.remarks, *journal._begin(scan.files)]
         except BaseException:
             journal._leave()
             raise
-        return journal, Recovered(scan.records, tuple(remarks), scan.snapshot)
+        return journal, Recovered(scan.records, tuple(remarks))
 
     @property
     def path(self) -> Path:

@@ -87,13 +87,10 @@ class Recovered:
         The records in order, those left out whose kind was not wanted.
     remarks
         Sentences for the operator: a torn tail, a file that does not belong here.
-    snapshot
-        The snapshot behind which the records stand; None: they are all there are.
     """
 
     records: tuple[JournalRecord, ...]
     remarks: tuple[str, ...]
-    snapshot: Snapshot | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,7 +158,6 @@ class Scan:
     files: tuple[FileScan, ...]
     records: tuple[JournalRecord, ...]
     remarks: tuple[str, ...]
-    snapshot: Snapshot | None = None
 
 
 def read_journal(path: Path, *, keep: Keep | None = None) -> Recovered:
@@ -343,7 +339,7 @@ def scan_folder(
         reader = _FileReader(numbered[number], seq, keep, take)
         files.append(reader.scan(is_last=number == last_number, behind=behind))
         seq, behind = files[-1].last_seq, None
-    return Scan(tuple(files), tuple(records), remarks, chosen)
+    return Scan(tuple(files), tuple(records), remarks)
 
 
 def _chosen(paths: list[Path], choose: Choice | None) -> Snapshot | None:

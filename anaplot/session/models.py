@@ -22,7 +22,6 @@ __all__ = [
     "preceding_models",
     "solve",
     "solve_after",
-    "solve_among",
     "solve_behind",
     "solved_or_none",
     "without_redundancy",
@@ -77,27 +76,7 @@ def solve(state: SessionState, model: ModelState) -> ModelSolution:
     NotComputableError
         The measurements do not determine it (yet); says why.
     """
-    return solve_among(state.block, state.models, model)
-
-
-def solve_among(block: Block, models: Models, model: ModelState) -> ModelSolution:
-    """Orient a model from its measurements and those before it in its strip.
-
-    Parameters
-    ----------
-    block
-        What was declared.
-    models
-        The accepted models.
-    model
-        The model.
-
-    Raises
-    ------
-    NotComputableError
-        The measurements do not determine it (yet); says why.
-    """
-    return solve_behind(block, preceding_models(models, model), model)
+    return solve_behind(state.block, preceding_models(state.models, model), model)
 
 
 def solve_behind(block: Block, before: Models, model: ModelState) -> ModelSolution:

@@ -204,15 +204,14 @@ class PastReading:
     def __init__(self, folder: Path, block: Block) -> None:
         self._folder = folder
         self._start = start(block)
-        self._all = Folding(self._start)
+        self._all: Folding | None = None
         self._behind: tuple[Snapshot, frozenset[str], Folding] | None = None
-        self._every = True
 
     def begin(self, snapshot: Snapshot | None) -> Take:
         """Return what takes the records behind a snapshot, or all there are."""
         if snapshot is None:
+            self._all = Folding(self._start)
             return self._all.take
-        self._every = False
         try:
             state, ever, before = state_from_text(snapshot.text, self._start)
         except InputError:
@@ -233,8 +232,8 @@ class PastReading:
             folding.fold()
             if folding.full and folding.fits:
                 return _past(folding, snapshot.events, ever)
-        if not self._every:  # the events from the beginning lead on, or say what is wrong
-            self._all, self._every = Folding(self._start), True
+        if self._all is None:  # the events from the beginning lead on, or say what is wrong
+            self._all = Folding(self._start)
             scan_journal(self._folder, is_event, self._all.take)
         self._all.check()
         return _past(self._all, 0, frozenset())
