@@ -50,13 +50,12 @@ def own_tests(block: AdjustedBlock) -> OwnTests:
     single = (checks <= _ONCE)[of_point]
 
     def points_of(rows: Bools) -> Index:
-        return np.flatnonzero(np.bincount(of_point[rows[:image]], minlength=points))
+        return np.flatnonzero(np.bincount(of_point[rows], minlength=points))
 
-    own = int(
-        np.count_nonzero(can_be & ~np.append(single, np.zeros(len(can_be) - image, np.bool_)))
-    )
-    own += len(points_of(can_be[:image] & single))
-    its: set[Hashable] = {block.problem.points[k] for k in points_of(flagged).tolist()}
+    of_rays = can_be[:image]
+    own = int(np.count_nonzero(can_be)) - int(np.count_nonzero(of_rays & single))
+    own += len(points_of(of_rays & single))
+    its: set[Hashable] = {block.problem.points[k] for k in points_of(flagged[:image]).tolist()}
     for row in (image + np.flatnonzero(flagged[image:])).tolist():
         kind, *owner, _ = tested.keys[row]
         its.add(owner[-1] if kind in GROUND_KINDS else (kind, *owner))

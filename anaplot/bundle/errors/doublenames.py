@@ -135,8 +135,7 @@ def _near(block: AdjustedBlock, critical: float) -> Iterator[tuple[str, str]]:
 
     tree = cKDTree(at[sound])
     # the second one: points may stand in twos
-    neighbours = np.asarray(tree.query(at[sound], k=(1, 2, 3))[0])
-    certain = reach < _SPARSE * float(np.median(neighbours[:, -1]))
+    certain = reach < _SPARSE * float(np.median(tree.query(at[sound], k=[3])[0]))
     sound, reach = sound[certain], reach[certain]
     if len(sound) < 2:
         return

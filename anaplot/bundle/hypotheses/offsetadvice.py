@@ -160,11 +160,11 @@ class _Multipliers(NamedTuple):
             if not len(its):
                 continue
             falls = max(whole - self.falls(others), 0.0)
-            own = _by_itself(block, kind, len(its), falls)
             used, degrees = sigma, left.redundancy
-            if own is not None and _errs_more(own, sigma, left.redundancy):
+            own = _by_itself(block, kind, len(its), falls)
+            if own.sigma is not None and _errs_more(own, sigma, left.redundancy):
                 # what errs by more than it states differs from control by more, too
-                used, degrees = own
+                used, degrees = own.sigma, own.redundancy
             test = f_test(falls, len(its), alpha=_ALPHA, sigma=used, redundancy=degrees)
             if test.rejected and falls >= alone:
                 scope = getattr(wanted, kind)
@@ -174,23 +174,21 @@ class _Multipliers(NamedTuple):
 
 def _by_itself(
     block: AdjustedBlock, kind: OffsetKind, unknowns: int, falls: float
-) -> tuple[float, int] | None:
-    """Return sigma of unit weight of stated positions, or angles, without offsets, and its degrees.
+) -> VarianceFactor:
+    """Return the variance factor of stated positions, or angles, without offsets.
 
-    All that v'Pv falls by is taken for theirs. None where nothing is left to tell.
+    All that v'Pv falls by is taken for theirs.
     """
     mine = _OF_KIND[kind]
-    degrees = int(np.nansum(block.cofactors.r_photo[:, mine])) - unknowns
-    if degrees < 1:
-        return None
-    square = float(np.nansum(block.cofactors.normal.linear.photo_e[:, mine] ** 2)) - falls
-    return float(np.sqrt(max(square, 0.0) / degrees)), degrees
+    square = float(np.nansum(block.cofactors.normal.linear.photo_e[:, mine] ** 2))
+    redundancy = int(np.nansum(block.cofactors.r_photo[:, mine]))
+    return VarianceFactor(square, redundancy, by_known=False).without(falls, unknowns)
 
 
-def _errs_more(own: tuple[float, int], sigma: float, redundancy: int) -> bool:
-    """Whether what has a sigma of unit weight of its own errs by more than all else."""
-    square = own[0] ** 2 * own[1]
-    return f_test(square, own[1], alpha=_WORSE, sigma=sigma, redundancy=redundancy).rejected
+def _errs_more(own: VarianceFactor, sigma: float, redundancy: int) -> bool:
+    """Whether what has a variance factor of its own errs by more than all else."""
+    test = f_test(own.vtpv, own.redundancy, alpha=_WORSE, sigma=sigma, redundancy=redundancy)
+    return test.rejected
 
 
 def _by_one(block: AdjustedBlock) -> float:
