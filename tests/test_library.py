@@ -386,6 +386,7 @@ POINTS = [[x, y] for x in (0.0, 90.0) for y in (-90.0, 0.0, 90.0)]
         ({"left": [[1e300, 0.0]] * 6}, "left: a number beyond 1e+07 mm"),
         ({"c": "wide"}, "c: not an array of numbers"),
         ({"c": [150.0] * 3}, "c: neither a number nor one for each of the two photos"),
+        ({"c": [[150.0], [150.0]]}, "c: neither a number nor one for each of the two photos"),
         ({"c": -150.0}, "c: -150 is no positive number"),
         ({"c": (150.0, float("nan"))}, "c: nan is no positive number"),
         ({"image_um": 0.0}, "image_um: 0 is no positive number"),

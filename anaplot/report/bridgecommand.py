@@ -257,10 +257,10 @@ def orient(
     labels = [str(name) for name in (range(1, n + 1) if names is None else names)]
     if len(labels) != n or len(set(labels)) != n:
         raise InputError(f"names: {len(labels)} ({len(set(labels))} different) of {n} points")
-    constants = _numbers("c", c).tolist()
-    constants = [constants] * 2 if isinstance(constants, float) else constants
-    if len(constants) != 2:
+    given = _numbers("c", c)
+    if given.shape not in ((), (2,)):
         raise InputError("c: neither a number nor one for each of the two photos")
+    constants = np.broadcast_to(given, 2).tolist()
     positive = [*(("c", one) for one in constants), ("image_um", image_um)]
     positive += [] if base is None else [("base", abs(base))]
     for what, value in positive:
