@@ -93,11 +93,14 @@ def _folded(line: Line, everything: bool) -> list[str]:
             before, after = (Line(some) for some in (line.parts[:k], line.parts[k + 1 :]))
             items, more = _items(part, everything)
             items += [more.strip()] if more else []
-            head = line_text(before, everything=everything)
+            words = line_text(before, everything=everything)
+            *begun, head = _wrapped(words, indent, whole=True)
+            if begun:
+                head += words[len(words.rstrip()) :]
             lines = wrapped(head, items, separator=part.separator, indent=indent)
             lines[-1] += line_text(after, everything=everything)
-            # what stands before and after the list may be long as well; names stay whole
-            return [some for one in lines for some in _wrapped(one, indent, whole=True)]
+            # what stands after the list may be long as well; names stay whole
+            return begun + [some for one in lines for some in _wrapped(one, indent, whole=True)]
     return _wrapped(line_text(line), indent)
 
 

@@ -102,6 +102,8 @@ def test_a_long_line_goes_on_in_further_lines() -> None:
     words = say("{}: {}", "name", "word " * 20).folded()
     assert [len(line) for line in page_text((words,)).splitlines()] == [80, 24]
     assert page_text((say("").folded(),)) == ""
+    page = (say("{}: in {}", " ".join(["word"] * 18), named(["101", "102"])).folded(4),)
+    assert page_text(page).splitlines() == [("word " * 16).strip(), "    word word: in 101, 102"]
 
 
 def test_rows_of_a_group_stand_under_its_line() -> None:
