@@ -261,8 +261,8 @@ class Conditions:
             parts.append(_Part.of(one, raw, at, points[at], counts, len(points), fixed))
         misclosure = np.concatenate([part.misclosure for part in parts])
         sigma = np.concatenate([part.sigma for part in parts])
-        contrasts = csr_array(block_diag([part.contrasts for part in parts]))
-        spanned = csr_array(block_diag([part.spanned for part in parts]))
+        contrasts = csr_array(block_diag([csr_array(part.contrasts) for part in parts]))
+        spanned = csr_array(block_diag([csr_array(part.spanned) for part in parts]))
         first = np.cumsum([0, *(len(part.sigma) for part in parts)])
         entries = [
             (part.rows + start, part.columns, part.values)
