@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from pickle import PicklingError
 
 import numpy as np
 import pytest
@@ -238,7 +239,7 @@ def test_a_question_that_cannot_be_read_ends_the_process(process):
 
 def test_a_question_told_by_half_is_forgotten(process):
     block = strip()
-    with pytest.raises(Exception, match="pickle"):
+    with pytest.raises((AttributeError, PicklingError), match="local object"):  # which, by version
         process.view(block, lambda: 0, 0, patient())
     assert process._process is None
     assert process.view(block, EMPTY, 0, patient()).rays == len(block.image_points)
