@@ -325,9 +325,7 @@ def _summary(
         ),
         *rules_lines(rules, "  "),
     ]
-    out = int(block.rejected.sum())
-    if out:
-        lines.append(say(f"  {{}} image coordinate{'s are' if out > 1 else ' is'} rejected", out))
+    lines += _coordinates_out(block)
     lines += [say("  note: {}", remark).of("remark") for remark in block.remarks]
     lines += _unobserved(block)
     if suspects:
@@ -335,6 +333,18 @@ def _summary(
     elif block.critical is not None:
         lines.append(say("  no image coordinate is flagged"))
     return [*lines, *_others_flagged(block), *_spurs(block), *_unchecked_lines(answer["unchecked"])]
+
+
+def _coordinates_out(block: AdjustedBlock) -> list[Line]:
+    """Say how many coordinates of rays are no observations: rejected now, or off in the file."""
+    rejected = int(block.problem.newly_rejected.sum())
+    off = int(block.rejected.sum()) - rejected
+    counts = ((rejected, "rejected"), (off, "switched off"))
+    return [
+        say(f"  {{}} image coordinate{' is' if count == 1 else 's are'} {what}", count)
+        for count, what in counts
+        if count
+    ]
 
 
 def others_flagged(block: AdjustedBlock) -> list[tuple[float, str, str]]:

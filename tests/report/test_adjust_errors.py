@@ -90,6 +90,19 @@ def folder(tmp_path: Path) -> Path:
     return folder
 
 
+def test_what_a_person_has_switched_off_is_not_called_rejected(folder: Path) -> None:
+    path = folder / "image_points.csv"
+    head, first, second, third, *rest = path.read_text().splitlines()
+    rows = [f"{head},use", f"{first},x", f"{second},y", f"{third},off", *(f"{r}," for r in rest)]
+    path.write_text("\n".join(rows) + "\n")
+    _, text, _ = run_adjust(folder)
+    assert "  2 image coordinates are switched off" in text
+    assert "rejected" not in text[: text.index("PHOTO")]
+    _, text, _ = run_adjust(folder, errors="search")
+    assert "  1 image coordinate is rejected" in text
+    assert "  2 image coordinates are switched off" in text
+
+
 def test_the_text_says_what_was_rejected_and_why(folder: Path) -> None:
     code, text, _ = run_adjust(folder, errors="search")
     assert code == 0
