@@ -53,7 +53,8 @@ class ConditionTests:
     Attributes
     ----------
     everything
-        All differences are zero; None where they repeat each other.
+        All differences are zero, by as many combinations as they have that are not parameters of
+        lines, planes and equal distances; None where they repeat each other.
     distances
         Number of check distances.
     rms, expected
@@ -82,7 +83,8 @@ def condition_tests(
     d, q = found.differences, found.cofactors
     everything = None
     with suppress(DependentConditionsError, np.linalg.LinAlgError):
-        everything = variance.test(quadratic_form(d, q), len(d), settings.alpha)
+        square = quadratic_form(found.independent, found.their_cofactors)
+        everything = variance.test(square, len(found.independent), settings.alpha)
     alone = sidak_alpha(settings.alpha, len(d))
     noncentrality = variance.detectable(alone, settings.power)
     single = tuple(

@@ -9,7 +9,7 @@ import numpy as np
 
 from anaplot.aliases import Array
 from anaplot.bundle.solve.adjusted import AdjustedBlock
-from anaplot.bundle.solve.conditions import ConditionRow, Conditions
+from anaplot.bundle.solve.conditions import ConditionEquations, ConditionRow, Conditions
 from anaplot.errors import NotComputableError
 
 __all__ = ["CheckedConditions", "ComparedRow", "checked_conditions", "compared_conditions"]
@@ -60,6 +60,9 @@ class CheckedConditions(NamedTuple):
         (k, k) of the differences, of the adjusted points and of what is given.
     given
         (k,) standard deviations of what is given.
+    independent, their_cofactors
+        (b,) and (b, b) of the differences in a-priori sigmas, as many combinations as are not
+        parameters: the rows of a line, a plane and equal distances depend on each other.
     """
 
     rows: tuple[ConditionRow, ...]
@@ -67,26 +70,34 @@ class CheckedConditions(NamedTuple):
     differences: Array
     cofactors: Array
     given: Array
+    independent: Array
+    their_cofactors: Array
 
 
 def checked_conditions(block: AdjustedBlock) -> CheckedConditions | None:
     """Return the conditions with `use` = check that mean something; None without any.
 
-    Nor in a datum without scale, in which lengths mean nothing.
+    Angles alone in a datum without scale, in which lengths mean nothing.
     """
     of = block.problem.compared
     if of is None:
         return None
-    sound = [k for k in _sound(block, of) if of.conditions[k].use == "check"]
-    if not sound:
+    told = _told(block, of, _sound(block, of))
+    checks = sorted(k for k in told if of.conditions[k].use == "check")
+    if not checks:
         return None
-    of = of.those(sound)
-    differences, cofactors = _spread(block, of)
-    if cofactors is None:
-        return None
+    of = of.those(checks)
+    equations, spread = _spread(block, of)
     units: list[Literal["m", "rad"]] = ["rad" if angular else "m" for angular in of.angular]
-    given = of.equations(block.state.points, block.problem.fixed).sigma
-    return CheckedConditions(tuple(of.rows), tuple(units), differences, cofactors, given)
+    return CheckedConditions(
+        tuple(of.rows),
+        tuple(units),
+        equations.misclosure,
+        _of_rows(equations, spread),
+        equations.sigma,
+        equations.contrasts.T @ (equations.misclosure / equations.sigma),
+        spread,
+    )
 
 
 def compared_conditions(block: AdjustedBlock) -> list[ComparedRow]:
@@ -122,34 +133,49 @@ def _sound(block: AdjustedBlock, of: Conditions) -> set[int]:
     return sound
 
 
+def _told(block: AdjustedBlock, of: Conditions, sound: set[int]) -> set[int]:
+    """Return which of them have standard deviations: in a datum without scale angles alone."""
+    change = block.cofactors.change
+    if change is None or change.gives_scale:
+        return sound
+    return {k for k in sound if of.conditions[k].kind == "angle"}
+
+
 def _compared(block: AdjustedBlock, of: Conditions) -> list[tuple[float | None, float | None]]:
     """Return differences of the rows of conditions, and their standard deviations."""
-    differences, cofactors = _spread(block, of)
-    if block.sigma is None or cofactors is None:
-        return [(difference, None) for difference in differences.tolist()]
-    s = np.sqrt(np.maximum(np.diag(cofactors), 0.0)) * block.sigma
-    return list(zip(differences.tolist(), s.tolist(), strict=True))
+    differences = of.equations(block.state.points, block.problem.fixed).misclosure.tolist()
+    told = sorted(_told(block, of, set(range(len(of.conditions)))))
+    s: list[float | None] = [None] * len(differences)
+    if told and block.sigma is not None:
+        cofactors = _of_rows(*_spread(block, of.those(told)))
+        found = np.sqrt(np.maximum(np.diag(cofactors), 0.0)) * block.sigma
+        for row, one in zip(np.flatnonzero(np.isin(of.of_row, told)), found.tolist(), strict=True):
+            s[row] = one
+    return list(zip(differences, s, strict=True))
 
 
-def _spread(block: AdjustedBlock, of: Conditions) -> tuple[Array, Array | None]:
-    """Return differences of the rows of conditions, and their cofactors; None without scale."""
+def _of_rows(equations: ConditionEquations, spread: Array) -> Array:
+    """Return (k, k) cofactors of the rows of conditions, of those of their combinations."""
+    contrasts = equations.contrasts
+    whole = contrasts @ (contrasts @ spread).T
+    cofactors: Array = whole * equations.sigma[:, None] * equations.sigma
+    return cofactors
+
+
+def _spread(block: AdjustedBlock, of: Conditions) -> tuple[ConditionEquations, Array]:
+    """Return equations of conditions, and (b, b) cofactors of their combinations, whitened."""
     problem, normal = block.problem, block.cofactors.normal
     equations = of.equations(block.state.points, problem.fixed)
     change = block.cofactors.change
-    if change is not None and not change.gives_scale:
-        return equations.misclosure, None
     q = equations.whitened.shape[0]
     photos = np.zeros((len(problem.photos), problem.per_photo, q))
     points = equations.whitened.toarray().T.reshape(len(problem.points), 3, q)
     shared = np.zeros((problem.in_border, q))
     spread = np.eye(q)
-    if change is not None:
+    if change is not None and change.gives_scale:
         # in the scale that distances give: what the differences take of the datum goes with it
         points, moves = change.of_functions(points)
         spread += (moves * change.variance) @ moves.T
     moved = normal.solve(block.cofactors.factor, photos, points, shared)
     spread += points.reshape(-1, q).T @ moved[1].reshape(-1, q)
-    contrasts = equations.contrasts
-    whole = contrasts @ (contrasts @ spread).T
-    cofactors: Array = whole * equations.sigma[:, None] * equations.sigma
-    return equations.misclosure, cofactors
+    return equations, spread
