@@ -282,12 +282,17 @@ def condition_table(block: AdjustedBlock, external: ExternalReliability) -> Tabl
     """Return the rows of the conditions between points [m, rad].
 
     What takes no part has its residual, what is compared its standard deviation and w by that.
+    What is free of error has no redundancy number.
     """
+    conditions = block.problem.conditions
+    firm = [] if conditions is None else conditions.firm.tolist()
     rows = [
         (row.key[1], row.point, row.axis, "control" if row.use else "rejected", row.unit,
-         row.residual, row.r if row.use else None, row.w, row.mdb, None, *_effect(row, effect),
-         row.flagged)
-        for row, effect in zip(block.condition_rows(), external.conditions, strict=True)
+         row.residual, row.r if row.use and not exact else None, row.w, row.mdb, None,
+         *_effect(row, effect), row.flagged)
+        for row, effect, exact in zip(
+            block.condition_rows(), external.conditions, firm, strict=True
+        )
     ]  # fmt: skip
     rows += [
         (*one.row, one.use, one.unit, one.difference, None, one.w, None, one.s, None, None, None,

@@ -1,14 +1,16 @@
-"""Conditions that check a block are tested, together and in any datum in which they mean something."""
+"""Conditions that check a block, and those that are free of error, as tests count them."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from math import sqrt
 
+import numpy as np
 import pytest
-from conditionblocks import condition, flat_scene
+from conditionblocks import condition, every_kind, flat_scene
 
 from anaplot.bundle.adjust import adjust_block
+from anaplot.bundle.errors import bychance
 from anaplot.bundle.hypotheses.conditiontests import condition_tests
 from anaplot.bundle.solve.comparedconditions import compared_conditions
 
@@ -49,3 +51,17 @@ def test_an_angle_is_a_check_in_a_datum_without_scale_too(datum) -> None:
     found = condition_tests(block)
     assert [one.axis for one in found.single] == ["angle"]
     assert found.everything.known.square == pytest.approx(taken.vtpv - block.vtpv, rel=5e-3)
+
+
+def test_what_is_free_of_error_is_counted_among_what_can_be_tested() -> None:
+    scene = flat_scene()
+    conditions = every_kind(scene, firm=range(6))
+    block = adjust_block(replace(scene.block, conditions=conditions))
+    firm = block.observations.starts[3] + np.arange(len(block.condition_rows()))
+    assert np.isfinite(block.tested.w[firm]).all()
+    assert block.tested.r[firm] == pytest.approx(0.0, abs=1e-6)
+    assert block.testable()[firm].all()
+    assert block.flagged_by_chance == pytest.approx(
+        block.test.alpha * np.count_nonzero(np.isfinite(block.tested.w))
+    )
+    assert bychance.tested_count(block) == np.count_nonzero(block.testable(bychance.SPUR))

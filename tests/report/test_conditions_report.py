@@ -79,6 +79,27 @@ def test_every_row_is_told_like_any_observation(folder, capsys) -> None:
     assert "p7 p13" in line
 
 
+def test_what_is_free_of_error_has_no_redundancy_number(folder, capsys) -> None:
+    path = folder / "distances.csv"
+    path.write_text(path.read_text().replace(",0.02,control", ",0,control"))
+    got = answer_of(capsys, "adjust", str(folder))
+    row = got["conditions"][1]
+    assert row["r"] is None
+    assert row["flagged"]
+    assert abs(row["w"]) > got["test"]["critical"]
+    assert row["mdb"] > 0.0
+    assert row["standardized_effect"] is None
+    given = ("control", "priors", "point_priors", "conditions")
+    tested = [one["w"] for key in given for one in got[key] or ()]
+    tested += [one[w] for one in got["image_points"] for w in ("wx", "wy")]
+    count = sum(w is not None for w in tested) - 1  # what is compared has a w, too
+    assert got["test"]["flagged_by_chance"] == pytest.approx(got["test"]["alpha"] * count)
+    main(["adjust", str(folder)])
+    page = capsys.readouterr().out
+    (line,) = [line for line in page.splitlines() if line.startswith("  distances.csv:3")]
+    assert line.split()[7] == "-"
+
+
 def test_the_summary_says_what_is_flagged_beside_image_coordinates(folder, capsys) -> None:
     assert main(["adjust", str(folder)]) == 0
     (line,) = [line for line in capsys.readouterr().out.splitlines() if "other obs" in line]

@@ -63,13 +63,12 @@ def own_tests(block: AdjustedBlock) -> OwnTests:
 
 
 def _testable(block: AdjustedBlock) -> Bools:
-    tested = block.tested
-    can_be: Bools = tested.use & (tested.r >= SPUR) & np.isfinite(tested.w)
+    can_be: Bools = block.testable(SPUR) & np.isfinite(block.tested.w)
     return can_be
 
 
 def tested_count(block: AdjustedBlock) -> int:
-    """Return how many observations take part and can be tested (redundancy number of `SPUR`)."""
+    """Return how many observations take part and can be tested (`testable` with `SPUR`)."""
     return int(np.count_nonzero(_testable(block)))
 
 

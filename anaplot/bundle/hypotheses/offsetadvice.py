@@ -194,6 +194,6 @@ def _errs_more(own: VarianceFactor, sigma: float, redundancy: int) -> bool:
 def _by_one(block: AdjustedBlock) -> float:
     """Return the most that v'Pv falls by without a single observation."""
     tested = block.tested
-    checked = tested.use & (tested.r >= SPUR)
+    checked = block.testable(SPUR)
     v = tested.residual[checked] / block.observations.sigma[checked]
     return float(np.max(v**2 / tested.r[checked], initial=0.0))

@@ -193,8 +193,24 @@ class AdjustedBlock:
     @property
     def flagged_by_chance(self) -> float:
         """Number of observations that are flagged in the mean if none has a gross error."""
-        tested = int(np.count_nonzero(self.tested.r >= TESTABLE))
-        return 0.0 if self.critical is None else self.problem.test.alpha * tested
+        if self.critical is None:
+            return 0.0
+        return self.problem.test.alpha * int(np.count_nonzero(self.testable()))
+
+    def testable(self, least: float = TESTABLE) -> Bools:
+        """Return (n,) which observations take part and can be tested.
+
+        Parameters
+        ----------
+        least
+            Their redundancy numbers are at least that; conditions that are free of error, whose
+            redundancy numbers are zero, are tested by their multipliers wherever others check them.
+        """
+        can_be: Bools = self.tested.r >= least
+        if self.problem.conditions is not None:
+            of = slice(self.observations.starts[3], None)
+            can_be[of] |= self.problem.conditions.firm & np.isfinite(self.tested.w[of])
+        return can_be & self.tested.use
 
     def flagged_observations(self) -> list[tuple[float, str, str]]:
         """Return (abs(w), what, kind) of all that exceed the critical value, the worst first.
