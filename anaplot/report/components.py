@@ -60,7 +60,8 @@ def within(
 def components_document(found: BlockComponents) -> Document:
     """Return the document of variance components.
 
-    Each group has its number of observations, its share of the redundancy, the factor of its
+    Each group has its number of observations, its share of the redundancy, v'Pv of its residuals
+    with the variances that are stated (that over the redundancy is the factor), the factor of its
     a-priori variance with its standard deviation and its 95 % confidence interval (null when it is
     held), and both standard deviations where one number says them.
     """
@@ -73,8 +74,8 @@ def components_document(found: BlockComponents) -> Document:
             both = (sigma.apriori, sigma.unit), (sigma.estimated, sigma.unit)
             sizes = (sigma.apriori, sigma.estimated, sigma.unit, *both)  # type: ignore[assignment]
         rows.append(
-            (c.name, c.observations, c.redundancy, c.vtpv, c.factor, c.deviation, c.interval,
-             c.sigma_factor, interval, *shown, c.state, *sizes)
+            (c.name, c.observations, c.redundancy, c.vtpv * c.factor, c.factor, c.deviation,
+             c.interval, c.sigma_factor, interval, *shown, c.state, *sizes)
         )  # fmt: skip
     groups = table("components", _COLUMNS, rows)
     remarks = found.remarks()

@@ -45,6 +45,7 @@ def test_axes_find_both_sigmas(folder: Path, capsys) -> None:
         low, high = row["sigma_factor_interval"]
         assert low < sigma < high
         assert row["variance_factor_interval"] == pytest.approx([low**2, high**2])
+        assert row["vtpv"] / row["redundancy"] == pytest.approx(row["variance_factor"], rel=1e-4)
     assert main(["adjust", str(folder), "--components", "strips"]) == 0
     text = capsys.readouterr().out
     assert "VARIANCE COMPONENTS, by strips" in text
