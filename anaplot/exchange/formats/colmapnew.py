@@ -14,6 +14,7 @@ import numpy as np
 from anaplot.aliases import Array
 from anaplot.errors import InputError
 from anaplot.exchange.formats.door import Exported, Exporting, Note, PhotoResult, PointResult
+from anaplot.exchange.formats.gathered import not_held
 from anaplot.photogrammetry.block import Block, Camera, ImagePoint, in_pixels
 from anaplot.photogrammetry.camera import BrownLens
 from anaplot.photogrammetry.measuredimage import measured_rays, pixels_of_mm
@@ -69,6 +70,7 @@ def write_new(exporting: Exporting, target: Path) -> Exported:
     if not points:
         raise InputError("colmap: no adjusted point has two rays that count")
     notes.append(Note("not held", None, "standard deviations, control, colours of points"))
+    notes += not_held(block, holds=("lens", "image sigmas", "control sigmas", "control_m"))
     files = {
         "cameras.bin": _cameras([(ids[name], camera) for name, camera in made.items()]),
         **_images_and_points(block, photos, images, ids, points, rays, adjusted.points),

@@ -482,6 +482,8 @@ def test_a_block_from_elsewhere_becomes_a_model(
     said = capsys.readouterr().out
     assert "10 um as the pixels" in said
     assert "29 points whose name is no number" in said
+    assert "not held: image_um = 5 um" in said
+    assert "not held: the settings of the test: baarda, alpha = 0.001, power = 0.8" in said
     theirs = pycolmap.Reconstruction(tmp_path / "out")
     assert {image.name for image in theirs.images.values()} == {"101", "102", "103", "104"}
     assert len(theirs.points3D) == 30
