@@ -187,6 +187,31 @@ def test_a_keyword_is_checked_as_the_option_is(keywords: dict[str, Any], words: 
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("key", "value", "found"),
+    [
+        ("function", "distance 02-02 02-03", "functions"),
+        ("test_set", "point:02-02", "test_sets"),
+        ("plant", "101:02-02:y:100", "planted"),
+    ],
+)
+def test_what_may_stand_several_times_stands_once_as_a_text(
+    key: str, value: str, found: str
+) -> None:
+    """One by one, its characters were asked for: "no 'd'", "p: file not found"."""
+    block = anaplot.plan.block(strips=2, photos=3, control_m=0.02, sidelap=60).result.made.block
+    once = anaplot.adjust(block, **{key: value}).to_dict()
+    listed = anaplot.adjust(block, **{key: [value]}).to_dict()
+    assert once[found]
+    assert once[found] == listed[found]
+
+
+def test_a_place_of_a_simulation_is_one_text_or_several() -> None:
+    asked: dict[str, Any] = {"errors": [1], "strategy": "tau", "runs": 5, "processes": 1}
+    once = anaplot.simulate("6/3", place="point:1", **asked).to_dict()
+    assert once == anaplot.simulate("6/3", place=["point:1"], **asked).to_dict()
+
+
 def described() -> list[tuple[str, Any]]:
     """Return the names of docs/api.md, of classes each public method apart."""
     page = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")

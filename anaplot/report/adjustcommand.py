@@ -115,9 +115,9 @@ def adjust(
     covariance_to: str | os.PathLike[str] | None = None,
     components: Grouping | None = None,
     operators: str | os.PathLike[str] | None = None,
-    plant: Sequence[str] | None = None,
-    test_set: Sequence[str] | None = None,
-    function: Sequence[str] | None = None,
+    plant: str | Sequence[str] | None = None,
+    test_set: str | Sequence[str] | None = None,
+    function: str | Sequence[str] | None = None,
     control_page: bool = False,
     progress: Progress | None = None,
 ) -> Computed[BlockAdjustment]:

@@ -114,7 +114,7 @@ def bridge(
     partner: float | None = None,
     as_given: bool = False,
     pairs: bool = False,
-    plant: Sequence[str] | None = None,
+    plant: str | Sequence[str] | None = None,
     matrix: bool = False,
     correlations: bool = False,
     progress: Progress | None = None,

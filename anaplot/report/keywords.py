@@ -140,6 +140,8 @@ def _checked(action: argparse.Action, value: Any) -> Any:
         if not isinstance(value, bool):
             raise InputError(f"{option}: neither True nor False")
         return value
+    if isinstance(action, argparse._AppendAction) and isinstance(value, str):
+        return [value]  # what may stand several times stands once
     if callable(action.type):
         try:
             value = action.type(value_typed(value))

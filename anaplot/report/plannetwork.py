@@ -107,7 +107,7 @@ def planned_network(
     image_um: float | None = None,
     correlations: float = 0.9,
     point: str | None = None,
-    plant: Sequence[str] | None = None,
+    plant: str | Sequence[str] | None = None,
     progress: Progress | None = None,
 ) -> Computed[PlannedNetwork]:
     """Plan camera stations around an object: what they see, check and determine.

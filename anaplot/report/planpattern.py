@@ -337,7 +337,7 @@ def planned_pattern(
     d: float | None = None,
     c: float = 152.0,
     tie_variance: TieVariance = "exact",
-    plant: Sequence[str] | None = None,
+    plant: str | Sequence[str] | None = None,
     matrix: bool = False,
 ) -> Computed[PatternReliability]:
     """Plan a model: redundancy numbers of a point pattern, and the point that would help most.

@@ -121,7 +121,7 @@ def simulate(
     tie_variance: TieVariance | None = None,
     errors: str | Sequence[int] | None = None,
     size: str | Sequence[float] | None = None,
-    place: Sequence[str] | None = None,
+    place: str | Sequence[str] | None = None,
     alpha: float | None = None,
     strategy: str | Sequence[str] | None = None,
     runs: int | None = None,
