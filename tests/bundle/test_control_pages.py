@@ -147,7 +147,7 @@ def test_fixed_and_check_points_have_pages(block: Block) -> None:
     )  # fmt: skip
     pages = _pages(replace(block, control=mixed))
     assert pages[first.point].use == "fixed"
-    assert pages[first.point].plan is None
+    assert pages[first.point].without is None
     check = pages[second.point]
     assert check.use == "check"
     assert check.height is not None
@@ -158,6 +158,55 @@ def test_fixed_and_check_points_have_pages(block: Block) -> None:
     without = pages[third.point].without
     assert without is not None
     assert without.difference[2] is None
+
+
+def _stated(block: Block, name: str, sigma: float, *, higher: float = 0.0) -> Block:
+    control = tuple(
+        replace(row, sigma=(sigma,) * 3, xyz=(*row.xyz[:2], (row.xyz[2] or 0.0) + higher))
+        if row.point == name
+        else row
+        for row in block.control
+    )
+    return replace(block, control=control)
+
+
+def test_control_free_of_error_is_checked_by_the_photographs(block: Block) -> None:
+    """An error of any size stayed unseen, the page said, in what it tested elsewhere."""
+    name = block.control[0].point
+    page = _pages(_stated(block, name, 0.0))[name]
+    assert page.use == "fixed"
+    assert page.plan is not None
+    assert page.height is not None
+    assert page.plan.r is page.height.r is page.plan.effect is None
+    # where ever smaller sigmas lead
+    near = _pages(_stated(block, name, 1e-5))[name]
+    assert near.plan is not None
+    assert near.height is not None
+    assert page.plan.detectable == pytest.approx(near.plan.detectable, rel=1e-3)
+    assert page.height.detectable == pytest.approx(near.height.detectable, rel=1e-3)
+    assert page.verdict == near.verdict == "weak"
+    # an error of that size and more is found
+    size = page.height.detectable
+    assert size is not None
+    assert _pages(_stated(block, name, 0.0, higher=2.0 * size))[name].verdict == "look"
+    text = page_text(control_pages_document([page]).page)
+    assert "control, free of error" in text
+    assert "stays unseen" not in text
+    # two points and a height, all of them free of error, are checked by nothing
+    here, there = block.control[0], block.control[-1]
+    beside = max(block.control, key=lambda row: _off_line(row.xyz, here.xyz, there.xyz))
+    least = tuple(replace(row, sigma=(0.0,) * 3) for row in (here, there))
+    third = replace(beside, sigma=(0.0,) * 3, xyz=(None, None, beside.xyz[2]))
+    held = _pages(replace(block, control=(*least, third)))
+    assert {one.verdict for one in held.values()} == {"unchecked"}
+    assert held[beside.point].height is not None
+    assert held[beside.point].height.detectable is None
+
+
+def _off_line(xyz, one, other) -> float:  # type: ignore[no-untyped-def]
+    """Return how far a place lies beside the line through two others, in plan."""
+    (x, y), (dx, dy) = np.subtract(xyz[:2], one[:2]), np.subtract(other[:2], one[:2])
+    return float(abs(x * dy - y * dx))
 
 
 def test_a_check_point_in_plan_is_found_from_along_its_worst_direction(block: Block) -> None:

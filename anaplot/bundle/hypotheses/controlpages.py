@@ -15,15 +15,17 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from anaplot.adjustment.hypothesis import f_noncentrality
 from anaplot.adjustment.tested import Observation
 from anaplot.bundle.hypotheses.checktests import check_tests
+from anaplot.bundle.hypotheses.controltests import control_tests
 from anaplot.bundle.hypotheses.errorsets import (
     ErrorSet,
     ErrorSetTest,
     error_set_tests,
     set_statistic,
 )
-from anaplot.bundle.hypotheses.verdict import HypothesisSettings
+from anaplot.bundle.hypotheses.verdict import HypothesisSettings, VarianceFactor
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.observations import ObservationName
 from anaplot.bundle.solve.residuals import residuals_of
@@ -68,12 +70,13 @@ class ControlPart(NamedTuple):
     Attributes
     ----------
     r
-        Mean redundancy number of its coordinates; None of a check point.
+        Mean redundancy number of its coordinates; None of a check point, and of control that is
+        free of error.
     detectable
         Length [m] of the smallest error that is found with the power of the block's test, in plan
         along the worst direction; None where nothing is found at any size.
     effect
-        The point that such an error moves farthest; None of a check point.
+        The point that such an error moves farthest; None where there is no `r`.
     """
 
     r: float | None
@@ -144,10 +147,11 @@ class ControlPage:
         "look": something is flagged; "unchecked": an error of any size stays unseen; "weak": only
         a large one is seen; "good".
     plan, height
-        None where it has no such coordinate, or is free of error.
+        None where it has no such coordinate, or only some of its coordinates are free of error
+        and this one is.
     without
-        None of a check point (its own differences stand in `difference`), and where the block
-        would not be determined without it.
+        None of a check point (its own differences stand in `difference`), of control that is free
+        of error, and where the block would not be determined without it.
     difference, s
         Of a check point: adjusted minus given [m], and standard deviations.
     rejected
@@ -198,6 +202,7 @@ def control_pages(block: AdjustedBlock) -> tuple[ControlPage, ...]:
     number = dict(zip(tested, numbers.tolist(), strict=True))
     flagged = {str(one.key[1]) for one in tested.values() if one.flagged}
     checks = _checks(block)
+    fixed_parts: dict[tuple[str, str], _FixedPart] | None = None
     pages = []
     for name, row in problem.control_rows.items():
         if name not in wanted:
@@ -215,10 +220,12 @@ def control_pages(block: AdjustedBlock) -> tuple[ControlPage, ...]:
             if value is not None and not fixed and axis not in mine.get(name, {})
         )
         look = look or bool(gone)
+        if name not in mine and gone:
+            pages.append(ControlPage(name, "rejected", seen, "look", rejected=gone))
+            continue
         if name not in mine:
-            verdict: ControlVerdict = "look" if look else "unchecked"
-            use: Literal["fixed", "rejected"] = "rejected" if gone else "fixed"
-            pages.append(ControlPage(name, use, seen, verdict, rejected=gone))
+            fixed_parts = _fixed_parts(block) if fixed_parts is None else fixed_parts
+            pages.append(_fixed_page(name, seen, look, fixed_parts))
             continue
         plan, height, every = (tests.get((name, part)) for part in ("plan", "height", "all"))
         look = look or any(one is not None and one.rejected for one in (plan, height, every))
@@ -229,7 +236,7 @@ def control_pages(block: AdjustedBlock) -> tuple[ControlPage, ...]:
             stays = tuple(axis for axis, is_held in zip(_AXES, held[name], strict=True) if is_held)
             without = without._replace(held=stays)
         parts = [part for part in (in_plan, in_height) if part is not None]
-        verdict = "look" if look else _verdict(parts)
+        verdict: ControlVerdict = "look" if look else _verdict(parts)
         pages.append(
             ControlPage(name, "control", seen, verdict, in_plan, in_height, without, rejected=gone)
         )
@@ -264,6 +271,54 @@ def _verdict(parts: list[ControlPart]) -> ControlVerdict:
     if any(part.detectable is None for part in parts):
         return "unchecked"
     return "weak" if any((part.r or 0.0) < _WEAK for part in parts) else "good"
+
+
+class _FixedPart(NamedTuple):
+    found: ControlPart
+    rejected: bool
+
+
+def _fixed_parts(block: AdjustedBlock) -> dict[tuple[str, str], _FixedPart]:
+    """Return plan and height of all control, tested by what the photographs make of it."""
+    test = block.problem.test
+    found = control_tests(block, HypothesisSettings(test.alpha, test.power))
+    out: dict[tuple[str, str], _FixedPart] = {}
+    for one in () if found is None else found.parts:
+        size, rejected = None, False
+        decisive = None if one.verdict is None else one.verdict.decisive
+        if one.largest is not None and decisive is not None:
+            degrees = VarianceFactor.of(block).without(0.0, one.coordinates).degrees
+            square = f_noncentrality(test.alpha, test.power, one.coordinates, degrees)
+            size = float(np.sqrt(square)) * one.largest
+            rejected = decisive.significance < test.alpha
+        out[one.point, one.part] = _FixedPart(ControlPart(None, size, None), rejected)
+    return out
+
+
+def _fixed_page(
+    name: str,
+    seen: tuple[ControlRay, ...],
+    look: bool,
+    parts: Mapping[tuple[str, str], _FixedPart],
+) -> ControlPage:
+    """Return the page of control that is free of error: no observation, and tested all the same.
+
+    At best it is weak: where an ever smaller sigma leads, a redundancy number of zero.
+    """
+    plan, height = parts.get((name, "plan")), parts.get((name, "height"))
+    mine = [part for part in (plan, height) if part is not None]
+    look = look or any(part.rejected for part in mine)
+    verdict: ControlVerdict = "unchecked"
+    if look or mine:
+        verdict = "look" if look else _verdict([part.found for part in mine])
+    return ControlPage(
+        name,
+        "fixed",
+        seen,
+        verdict,
+        None if plan is None else plan.found,
+        None if height is None else height.found,
+    )
 
 
 def _without(block: AdjustedBlock, row_of: Mapping[str, int], point: int) -> WithoutPoint | None:

@@ -548,14 +548,15 @@ def _parts(
     out = []
     for (name, part), members in parts.items():
         given_up = _given_up(control, members)
-        difference = s = None
+        difference = s = largest = None
         if given_up.conditions == len(members):
             inverse = np.linalg.inv(control.information[np.ix_(members, members)])
             d = -inverse @ control.score[members]
             difference = float(d[0]) if part == "height" else float(np.linalg.norm(d))
             s = sqrt(float(np.trace(inverse)))
+            largest = sqrt(float(np.linalg.eigvalsh(inverse)[-1]))
         verdict = _verdict(control, given_up, variance, alpha)
-        out.append(PartTest(name, part, len(members), difference, s, verdict))
+        out.append(PartTest(name, part, len(members), difference, s, verdict, largest))
     return tuple(out)
 
 

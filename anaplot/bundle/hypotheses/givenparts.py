@@ -30,6 +30,9 @@ class PartTest(NamedTuple):
         a-priori sigma0.
     verdict
         The family of all plans and heights keeps the significance; None where nothing checks it.
+    largest
+        Of control the largest standard deviation of the difference along any direction [m], as
+        `s`; None of check points, and where nothing checks it.
     """
 
     point: str
@@ -38,6 +41,7 @@ class PartTest(NamedTuple):
     difference: float | None
     s: float | None
     verdict: Verdict | None
+    largest: float | None = None
 
 
 def parts_of(names: Iterable[tuple[str, str]]) -> dict[tuple[str, Part], list[int]]:
