@@ -133,7 +133,7 @@ class Elimination:
         return max(TESTABLE, _LOST * self._r0[row] if self._rows else 0.0)
 
     @property
-    def testable_rows(self) -> Bools:
+    def checked_rows(self) -> Bools:
         """(n,) which rows can be tested given S."""
         return testable(self._r, self._r0, beside=bool(self._rows))
 
@@ -141,7 +141,7 @@ class Elimination:
     def w(self) -> Array:
         """(n,) e / sqrt(r) given S; NaN in S and where a row cannot be tested."""
         out = np.full(len(self._e), np.nan)
-        good = self.testable_rows
+        good = self.checked_rows
         out[good] = self._e[good] / np.sqrt(self._r[good])
         return out
 
@@ -159,7 +159,7 @@ class Elimination:
     def correlations(self, row: int) -> Array:
         """Return (n,) correlations of all residuals with that of a row, given S; NaN: no test."""
         out = np.full(len(self._e), np.nan)
-        good = self.testable_rows
+        good = self.checked_rows
         if good[row]:
             column = self.column(row)
             out[good] = column[good] / np.sqrt(self._r[good] * self._r[row])

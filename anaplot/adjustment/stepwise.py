@@ -122,7 +122,7 @@ class _Rms:
                 counted[np.array(out, dtype=int) >= self._measured] = 0
         rms = sqrt(state.vtpv / n) if n > 0 else 0.0
         size = np.full(len(e), np.nan)
-        testable = state.testable_rows
+        testable = state.checked_rows
         if rms > NO_SIGMA:
             size[testable] = e[testable] / rms
         limit = np.full(len(e), _or_none(critical_tau(self._alpha, f)))
@@ -255,7 +255,7 @@ def step_by_step(
             if not together:
                 break
             bad[taken] = False
-            bad &= state.testable_rows  # a partner of them has gone
+            bad &= state.checked_rows  # a partner of them has gone
         if not taken:
             break
         limit = float(test.limit[taken[0]])

@@ -12,6 +12,7 @@ from conditionblocks import condition, every_kind, flat_scene
 from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.errors import bychance
 from anaplot.bundle.hypotheses.conditiontests import condition_tests
+from anaplot.bundle.solve.checkedrows import checked_rows
 from anaplot.bundle.solve.comparedconditions import compared_conditions
 
 
@@ -60,8 +61,9 @@ def test_what_is_free_of_error_is_counted_among_what_can_be_tested() -> None:
     firm = block.observations.starts[3] + np.arange(len(block.condition_rows()))
     assert np.isfinite(block.tested.w[firm]).all()
     assert block.tested.r[firm] == pytest.approx(0.0, abs=1e-6)
-    assert block.testable()[firm].all()
+    first = block.observations.starts[3]
+    assert checked_rows(block.tested, block.problem.conditions, first)[firm].all()
     assert block.flagged_by_chance == pytest.approx(
         block.test.alpha * np.count_nonzero(np.isfinite(block.tested.w))
     )
-    assert bychance.tested_count(block) == np.count_nonzero(block.testable(bychance.SPUR))
+    assert bychance.tested_count(block) == np.count_nonzero(np.isfinite(block.tested.w))

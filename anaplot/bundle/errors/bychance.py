@@ -16,6 +16,7 @@ from anaplot.adjustment.reliability import SPUR
 from anaplot.adjustment.testdistribution import TestDistribution, distribution_of
 from anaplot.aliases import Bools, Index
 from anaplot.bundle.solve.adjusted import AdjustedBlock
+from anaplot.bundle.solve.checkedrows import checked_rows
 from anaplot.bundle.solve.observations import GROUND_KINDS
 
 __all__ = ["ALARM", "exceeding_by_chance", "may_be_chance", "own_tests", "tested_count"]
@@ -63,12 +64,13 @@ def own_tests(block: AdjustedBlock) -> OwnTests:
 
 
 def _testable(block: AdjustedBlock) -> Bools:
-    can_be: Bools = block.testable(SPUR) & np.isfinite(block.tested.w)
-    return can_be
+    tested, first = block.tested, block.observations.starts[3]
+    can_be: Bools = checked_rows(tested, block.problem.conditions, first, SPUR)
+    return can_be & np.isfinite(tested.w)
 
 
 def tested_count(block: AdjustedBlock) -> int:
-    """Return how many observations take part and can be tested (`testable` with `SPUR`)."""
+    """Return how many observations take part and can be tested (`checked_rows`, with `SPUR`)."""
     return int(np.count_nonzero(_testable(block)))
 
 

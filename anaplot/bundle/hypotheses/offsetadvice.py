@@ -20,6 +20,7 @@ from anaplot.aliases import Array, Index
 from anaplot.bundle.hypotheses.verdict import VarianceFactor
 from anaplot.bundle.onward import adjust_onward
 from anaplot.bundle.solve.adjusted import AdjustedBlock
+from anaplot.bundle.solve.checkedrows import checked_rows
 from anaplot.bundle.solve.laidoffsets import OFFSET_KINDS, OffsetKind, OffsetName, lay_out_offsets
 from anaplot.bundle.solve.observations import ObservationName
 from anaplot.bundle.solve.offsetequations import OffsetsOpenError, OffsetUpdate, best_offsets
@@ -194,6 +195,7 @@ def _errs_more(own: VarianceFactor, sigma: float, redundancy: int) -> bool:
 def _by_one(block: AdjustedBlock) -> float:
     """Return the most that v'Pv falls by without a single observation."""
     tested = block.tested
-    checked = block.testable(SPUR)
+    first = block.observations.starts[3]
+    checked = checked_rows(tested, block.problem.conditions, first, SPUR)
     v = tested.residual[checked] / block.observations.sigma[checked]
     return float(np.max(v**2 / tested.r[checked], initial=0.0))

@@ -11,9 +11,9 @@ import numpy as np
 
 from anaplot.adjustment.consistency import GlobalTest, global_from_single
 from anaplot.adjustment.reliability import SPUR
-from anaplot.adjustment.significance import TESTABLE
 from anaplot.adjustment.tested import AppliedTest, Observation, Tested, examine
 from anaplot.aliases import Array, Bools
+from anaplot.bundle.solve.checkedrows import checked_rows
 from anaplot.bundle.solve.gaussnewton import Convergence
 from anaplot.bundle.solve.imaging import BlockState, RobustPlace
 from anaplot.bundle.solve.linearised import image_misclosures
@@ -193,24 +193,8 @@ class AdjustedBlock:
     @property
     def flagged_by_chance(self) -> float:
         """Number of observations that are flagged in the mean if none has a gross error."""
-        if self.critical is None:
-            return 0.0
-        return self.problem.test.alpha * int(np.count_nonzero(self.testable()))
-
-    def testable(self, least: float = TESTABLE) -> Bools:
-        """Return (n,) which observations take part and can be tested.
-
-        Parameters
-        ----------
-        least
-            Their redundancy numbers are at least that; conditions that are free of error, whose
-            redundancy numbers are zero, are tested by their multipliers wherever others check them.
-        """
-        can_be: Bools = self.tested.r >= least
-        if self.problem.conditions is not None:
-            of = slice(self.observations.starts[3], None)
-            can_be[of] |= self.problem.conditions.firm & np.isfinite(self.tested.w[of])
-        return can_be & self.tested.use
+        can_be = checked_rows(self.tested, self.problem.conditions, self.observations.starts[3])
+        return 0.0 if self.critical is None else self.problem.test.alpha * int(can_be.sum())
 
     def flagged_observations(self) -> list[tuple[float, str, str]]:
         """Return (abs(w), what, kind) of all that exceed the critical value, the worst first.
