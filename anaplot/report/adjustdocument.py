@@ -133,7 +133,7 @@ def adjust_document(
         "accused": {point: [ray._asdict() for ray in rays] for point, rays in accused.items()},
         "off": off,
         "left_out": [one._asdict() for one in block.problem.left_out],
-        "remarks": list(block.remarks),
+        "remarks": [*block.remarks, *_unobserved(block)],
     }
     additional = block.problem.additional
     if additional is not None:
@@ -326,8 +326,7 @@ def _summary(
         *rules_lines(rules, "  "),
     ]
     lines += _coordinates_out(block)
-    lines += [say("  note: {}", remark).of("remark") for remark in block.remarks]
-    lines += _unobserved(block)
+    lines += [say("  note: {}", remark).of("remark") for remark in answer["remarks"]]
     if suspects:
         lines += _suspects(block, suspects, accused)
     elif block.critical is not None:
@@ -352,7 +351,7 @@ def others_flagged(block: AdjustedBlock) -> list[tuple[float, str, str]]:
     return [one for one in block.flagged_observations() if one[2] != "image"]
 
 
-def _unobserved(block: AdjustedBlock) -> list[Line]:
+def _unobserved(block: AdjustedBlock) -> list[str]:
     """Say how much of what photos state takes no part: without a datum of control nothing does."""
     if block.problem.datum == "control":
         return []
@@ -367,7 +366,7 @@ def _unobserved(block: AdjustedBlock) -> list[Line]:
     if not parts:
         return []
     also = "" if stated.offsets is None else ", nor what [gnss] and [imu] say of them"
-    return [say("  note: not observed in this datum: {}{}", " and ".join(parts), also).of("remark")]
+    return [f"not observed in this datum: {' and '.join(parts)}{also}"]
 
 
 def _others_flagged(block: AdjustedBlock) -> list[Line]:

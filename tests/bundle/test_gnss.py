@@ -343,10 +343,14 @@ def test_what_another_datum_leaves_out_is_told():
     block = flown(EVERY, seed=3).scene.block
     count = len(block.photos)
     words = f"not observed in this datum: {count} stated positions and {count} stated rotations"
-    pages = (adjust(block, datum=datum).document.page for datum in ("free", "control"))
-    free, held = (" ".join(page_text(page).split()) for page in pages)
+    found = [adjust(block, datum=datum) for datum in ("free", "control")]
+    free, held = (" ".join(page_text(one.document.page).split()) for one in found)
     assert words in free
     assert "not observed" not in held
+    told = [[text for text in one.to_dict()["remarks"] if "not observed" in text] for one in found]
+    assert len(told[0]) == 1
+    assert told[0][0].startswith(words)
+    assert told[1] == []
 
 
 def test_angles_that_are_one_are_not_tested_together():
