@@ -401,10 +401,13 @@ def write(exporting: Exporting, target: Path) -> Exported:
         places = places * 1000.0
     of_photo = {photo.id: photo.camera for photo in block.photos}
     head = ("photo", "point", f"x_{unit}", f"y_{unit}", "sigma_um", "use", "reason", "camera")
+    # a pixel is what a ray without a sigma is read with: of different cameras no weights were held
+    alike = unit != "px" or len({camera.pixel_um for camera in block.cameras}) == 1
+    usual = None if alike else block.precision.image_um
     text = csv_text(
         head,
         (
-            (r.photo, r.point, x, y, r.sigma_um, r.use, r.reason, of_photo[r.photo])
+            (r.photo, r.point, x, y, r.sigma_um or usual, r.use, r.reason, of_photo[r.photo])
             for r, (x, y) in zip(block.image_points, places.tolist(), strict=True)
         ),
     )

@@ -16,7 +16,7 @@ from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import read_block
 from anaplot.exchange.camerafile import write_camera
 from anaplot.exchange.formats import pixels
-from anaplot.exchange.formats.door import ImportOptions
+from anaplot.exchange.formats.door import Exporting, ImportOptions
 from anaplot.photogrammetry.camera import BrownLens, CameraCalibration
 
 HEAD = "image,id,u,v\n"
@@ -219,6 +219,19 @@ def test_several_cameras(tmp_path: Path) -> None:
     (tmp_path / "cameras.txt").write_text("a left\nb right\n")
     with pytest.raises(InputError, match="photo 'c': no row says"):
         pixels.read(tmp_path / "t.csv", options)
+
+
+def test_rays_of_cameras_with_different_pixels_keep_their_weights(tmp_path: Path) -> None:
+    for name, size in (("left", 5.0), ("right", 50.0)):
+        stated = CameraCalibration(name, 5.0, pixels=(100, 80), pixel_um=size)
+        write_camera(tmp_path / f"{name}.toml", stated)
+    of = {f"camera:{name}": tmp_path / f"{name}.toml" for name in ("left", "right")}
+    options = ImportOptions(files=of, sigma_um=3.0)
+    rows = "photo,point,x,y,camera\na,1,10,20,left\nb,1,30,40,right\n"
+    block = pixels.read(*written(tmp_path / "t.csv", rows, options)).block
+    pixels.write(Exporting(block, tmp_path), tmp_path / "out")
+    again = pixels.read(tmp_path / "out" / "points.csv", ImportOptions(files=of)).block
+    assert [row.sigma_um for row in again.image_points] == [3.0, 3.0]
 
 
 def test_a_sigma_in_pixels_needs_the_size_of_a_pixel_of_every_camera(tmp_path: Path) -> None:
