@@ -3,11 +3,16 @@
 Three points make up to four places of a photo. Where hardly more tells which of them is right, the
 rays of its neighbours give way to a wrong one: a minimum that no step leads out of, with rays that
 no measurement has spoilt. From the right one all rays of the photo fit.
+
+Most places lead back. Which of them do so is seen from the photo and its points alone. The block
+is adjusted from where they settle elsewhere; from all, as they are, where that has led nowhere and
+no gross error explains what is off.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -19,9 +24,12 @@ from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.start.photoplaces import (
     known_without,
     places_of,
+    points_from,
     seen_by,
     with_points_of,
 )
+from anaplot.bundle.start.robust import robust_state
+from anaplot.bundle.start.settledplaces import Places, settled_places
 from anaplot.bundle.start.subblock import SubBlock, rays_of_photos, unit_rays
 from anaplot.errors import NotComputableError
 
@@ -33,6 +41,10 @@ _BETTER = 0.5  # of what the photo's points miss where it is: what they miss els
 _MOST_PLACES = 100  # that are looked at
 _ELSEWHERE = 0.05  # of the distance to the points: nearer places are the same
 _PLACES = 20  # of one photo that are tried
+_TURNED = 0.1  # of two rotations: less turned they are the same
+_HOPELESS = 100.0  # of v'Pv: what is more, while the other photos stay, leads to nothing less
+_FITS = 2.0  # sigma0 up to which no place is tried from which a photo settles where it is
+_WRONG = 2  # rays that explain, if they are wrong, why a minimum does not fit
 _TRIES = 60  # steps from one of them
 _MOST = 30  # minima that lead to nothing, at most
 _LEAST = 2
@@ -93,26 +105,41 @@ def at_other_places(problem: Problem, found: Minimum, progress: Progress | None)
     together = _all_placed(problem, found.state, np.flatnonzero(asked), by_photo)
     if together is not None:
         found = lower(together, np.flatnonzero(asked)) or found
+    wild, led_back = False, np.zeros(len(problem.photos), dtype=bool)
     while most > 0:
         asked = _asked(problem, found.state) & few & ~done
         if not asked.any():
-            break
+            if wild or not led_back.any() or _explained(problem, found):
+                break
+            wild, done = True, ~led_back
+            continue
         # the one that misses most bends its neighbours
         size = np.minimum(_off(problem, found.state), _FAR) ** 2
         misses = np.bincount(problem.photo, size, len(problem.photos))
         photo = int(np.argmax(np.where(asked, misses, -1.0)))
         done[photo] = True
-        for start in _other_places(problem, found.state, photo, by_photo[photo]):
+        for start in _other_places(problem, found, photo, by_photo[photo], wild, led_back):
             other = lower(start, np.array([photo]))
             if other is not None:
-                found = other
-                done[:] = False
+                found, wild = other, False
+                done[:], led_back[:] = False, False
                 most = allowed  # it cannot go on for long: it is half of what it was, or fits
             if other is not None or most <= 0:
                 break
     # what gross errors pull at may be less anywhere: only where they are none the place is right
     off = _off(problem, found.state, _MOST_SIGMA0)
     return found if float(np.mean(off > _OFF)) <= _CHANCE else given
+
+
+def _explained(problem: Problem, found: Minimum) -> bool:
+    """Whether a minimum fits, or would without one or two rays: these are wrong, and no photo."""
+    if found.convergence.last <= _FITS**2 * max(problem.redundancy, 1):
+        return True
+    try:
+        solution = robust_state(problem, found.normal.structure, found.state)
+    except (NotComputableError, np.linalg.LinAlgError):
+        return False
+    return int((_off(problem, solution.state, _MOST_SIGMA0) > _OFF).sum()) <= _WRONG
 
 
 def _asked(problem: Problem, state: BlockState) -> Bools:
@@ -136,9 +163,9 @@ def _all_placed(
     for photo in photos.tolist():
         mine = by_photo[photo]
         points = known[problem.point[mine]]
-        for at in _places(problem, block, photo, mine, rays, points, _BETTER, []):
-            placed.centres[photo], placed.rotations[photo] = at
-            break
+        centres, rotations = _places(problem, block, photo, mine, rays, points, _BETTER, [])
+        if len(centres):
+            placed.centres[photo], placed.rotations[photo] = centres[0], rotations[0]
     return with_points_of(problem, state, placed, rays, seen_by(problem, photos))
 
 
@@ -157,26 +184,57 @@ def _off(problem: Problem, state: BlockState, most: float = np.inf) -> Array:
 
 
 def _other_places(
-    problem: Problem, state: BlockState, photo: int, mine: Index
+    problem: Problem, found: Minimum, photo: int, mine: Index, wild: bool, led_back: Bools
 ) -> Iterator[BlockState]:
     """Yield states with a photo at other places that three of its rays make, the best first.
 
     By points that other photos know, then also by those of one more ray, which are about there.
+    Where these settle elsewhere while the other photos stay, each once; or, where they are `wild`,
+    all, as they are. Of a photo that had more places `led_back` becomes true.
     """
+    state = found.state
     rays, block, alone = unit_rays(problem), _block(state), np.array([photo])
-    seen = seen_by(problem, alone)
-    known = known_without(problem, block, rays, alone, seen)[problem.point[mine]]
+    names = np.unique(problem.point[mine])
+    known = known_without(problem, block, rays, alone, seen_by(problem, alone))
+    known = known[problem.point[mine]]
     about = known.copy()
     for k in np.flatnonzero(~np.isfinite(known[:, 0])).tolist():
         about[k] = _along_other_ray(problem, state, rays, photo, int(problem.point[mine[k]]))
-    taken = [state.centres[photo]]
-    for points, share in ((known, _BETTER), (about, np.inf)):
-        for at in _places(problem, block, photo, mine, rays, points, share, taken):
-            placed = _block(state)
-            placed.centres[photo], placed.rotations[photo] = at
-            yield with_points_of(problem, state, placed, rays, seen)
+    taken, reached = [state.centres[photo]], [(state.centres[photo], state.rotations[photo])]
+    near = _ELSEWHERE * float(np.linalg.norm(state.points[names].mean(axis=0) - taken[0]))
+    for by, share in ((known, _BETTER), (about, np.inf)):
+        at = _places(problem, block, photo, mine, rays, by, share, taken)
+        if len(at[0]):
+            places = Places(*at, points_from(problem, state, rays, photo, at))
+            if not wild:
+                places, more = settled_places(problem, state, photo, places, names)
+                places = places.some(more <= _HOPELESS * found.convergence.last)
+            for centre, rotation, points in zip(*places, strict=True):
+                if wild or not any(_same(centre, rotation, one, near) for one in reached):
+                    reached.append((centre, rotation))
+                    yield _moved(state, photo, centre, rotation, names, points)
+            led_back[photo] |= len(reached) < len(taken)
         if np.isfinite(about[:, 0]).sum() == np.isfinite(known[:, 0]).sum():
             return
+
+
+def _moved(
+    state: BlockState, photo: int, centre: Array, rotation: Array, names: Index, points: Array
+) -> BlockState:
+    """Return a state with a photo and its points elsewhere."""
+    block = _block(state)
+    block.centres[photo], block.rotations[photo] = centre, rotation
+    everywhere = state.points.copy()
+    everywhere[names] = points
+    return replace(state, centres=block.centres, rotations=block.rotations, points=everywhere)
+
+
+def _same(centre: Array, rotation: Array, other: tuple[Array, Array], near: float) -> bool:
+    """Whether a photo is at a place already."""
+    return (
+        float(np.linalg.norm(centre - other[0])) <= near
+        and float(np.linalg.norm(rotation - other[1])) <= _TURNED
+    )
 
 
 def _places(
@@ -188,27 +246,29 @@ def _places(
     points: Array,
     share: float,
     taken: list[Array],
-) -> Iterator[tuple[Array, Array]]:
-    """Yield centre and rotation of places that are not taken yet, the best first.
+) -> tuple[Array, Array]:
+    """Return centres and rotations of places that are not taken yet, the best first.
 
     Those of which the points miss no more than a share of what they miss where the photo is.
     """
     found = places_of(problem, block, rays, photo, mine, points)
     if found is None:
-        return
+        return np.empty((0, 3)), np.empty((0, 3, 3))
+    chosen: list[int] = []
     centres, rotations = found.centres[1:], found.rotations[1:]
     missed = np.minimum(found.misses, _CUT * float(problem.c[photo])).sum(axis=1)
     middle = points[found.firm].mean(axis=0)
     near = _ELSEWHERE * float(np.linalg.norm(middle - block.centres[photo]))
     for count, k in enumerate(np.argsort(missed[1:], kind="stable").tolist()):
         if not missed[1 + k] <= share * missed[0] or count >= _MOST_PLACES:
-            return
+            break
         if any(float(np.linalg.norm(centres[k] - one)) <= near for one in taken):
             continue
         taken.append(centres[k])
-        yield centres[k], rotations[k]
+        chosen.append(k)
         if len(taken) > _PLACES:
-            return
+            break
+    return centres[chosen], rotations[chosen]
 
 
 def _along_other_ray(

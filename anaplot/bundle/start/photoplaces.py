@@ -12,9 +12,16 @@ from anaplot.aliases import Array, Bools, Index
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.start.resection import image_misses, three_point_resection
-from anaplot.bundle.start.subblock import SubBlock, intersect_rays
+from anaplot.bundle.start.subblock import SubBlock, intersect_rays, met
 
-__all__ = ["PhotoPlaces", "known_without", "places_of", "seen_by", "with_points_of"]
+__all__ = [
+    "PhotoPlaces",
+    "known_without",
+    "places_of",
+    "points_from",
+    "seen_by",
+    "with_points_of",
+]
 
 
 class PhotoPlaces(NamedTuple):
@@ -101,3 +108,45 @@ def with_points_of(
     new = np.isfinite(seen[:, :1]) & ~problem.fixed
     points = np.where(new, seen, state.points)
     return replace(state, centres=block.centres, rotations=block.rotations, points=points)
+
+
+def points_from(
+    problem: Problem, state: BlockState, rays: Array, photo: int, places: tuple[Array, Array]
+) -> Array:
+    """Return (k, n, 3) a photo's points intersected anew, from each of its places.
+
+    Parameters
+    ----------
+    problem, state
+        The bundle, and where the other photos are.
+    rays
+        `unit_rays` of it.
+    photo, places
+        The photo, and (k, 3) centres and (k, 3, 3) rotations.
+
+    Notes
+    -----
+    As in `with_points_of`; the points are in ascending order.
+    """
+    names = np.unique(problem.point[problem.photo == photo])
+    several = np.bincount(problem.point, minlength=len(problem.points))[names] > 1
+    use = np.flatnonzero(np.isin(problem.point, names[several]))
+    k, count = len(places[0]), int(several.sum())
+    out = np.repeat(state.points[names][None], k, axis=0)
+    if not count:
+        return out
+    # every place is a photo of its own, with points of its own
+    block = SubBlock(
+        np.concatenate((state.centres, places[0])),
+        np.concatenate((state.rotations, places[1])),
+        state.points,
+    )
+    beyond = np.arange(k)[:, None]
+    own = problem.photo[use] == photo
+    photos = np.where(own, len(state.centres) + beyond, problem.photo[use])
+    points = np.searchsorted(names[several], problem.point[use]) + count * beyond
+    found = met(block, np.tile(rays[use], (k, 1)), photos.ravel(), points.ravel())
+    found = found.reshape(k, count, 3)
+    new = np.isfinite(found[..., :1]) & ~problem.fixed[names[several]]
+    out[:, several] = np.where(new, found, out[:, several])
+    return out

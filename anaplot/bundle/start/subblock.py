@@ -20,6 +20,7 @@ __all__ = [
     "common_similarity",
     "intersect_rays",
     "median_miss",
+    "met",
     "rays_of_photos",
     "unit_rays",
 ]
@@ -293,12 +294,21 @@ def intersect_rays(
         return out
     photo = problem.photo[use]
     point = (np.cumsum(several) - 1)[problem.point[use]]
-    out[several] = _met(subblock, rays[use], photo, point)
+    out[several] = met(subblock, rays[use], photo, point)
     return out
 
 
-def _met(subblock: SubBlock, rays: Array, photo: Index, point: Index) -> Array:
-    """Intersect (m, 3) rays of points counted from 0, side by side; see `intersect_rays`."""
+def met(subblock: SubBlock, rays: Array, photo: Index, point: Index) -> Array:
+    """Return where rays of points meet best, side by side; see `intersect_rays`.
+
+    Parameters
+    ----------
+    subblock
+        The photos.
+    rays, photo, point
+        (m, 3) rays of unit length in image axes, (m,) their photos, and (m,) points that are
+        counted from 0, in ascending order: two rays or more of each.
+    """
     first = np.flatnonzero(np.diff(point, prepend=-1))
     origin = np.nanmean(subblock.centres, axis=0)
     portions = _portions(first, len(rays))
