@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from bundleblocks import aerial
 from conditionblocks import flat_scene
+from gnssblocks import flown
 
 from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.solve.gaussnewton import find_minimum
@@ -23,6 +24,7 @@ from anaplot.photogrammetry.block import (
     TestSettings,
 )
 from anaplot.photogrammetry.imagepoint import ImagePoint
+from anaplot.photogrammetry.prioroffsets import PriorOffsets
 from anaplot.photogrammetry.rotation import rotation_matrix
 
 NADIR, ASLANT = Camera("nadir", 50.0, (54.0, 40.0)), Camera("aslant", 80.0, (54.0, 40.0))
@@ -142,6 +144,27 @@ def test_where_places_lead_back_the_block_is_not_adjusted(monkeypatch: pytest.Mo
     adjust_block(replace(block, image_points=tuple(every)))
     # thirty that lead to nothing at most, and no more for those that lead back
     assert 0 < len(tried) <= 31
+
+
+@pytest.mark.slow
+def test_where_what_is_given_is_wrong_places_that_lead_back_are_not_tried(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Stated positions in feet: nearly all rays are far off, and from no place of a photo fewer."""
+    tried = []
+
+    def counted(*arguments, **options):
+        tried.append(1)
+        return find_minimum(*arguments, **options)
+
+    monkeypatch.setattr(otherplaces, "find_minimum", counted)
+    block = flown(PriorOffsets(), seed=8, angles=False).scene.block
+    photos = [
+        replace(one, position=(one.position[0] / 0.3048, *one.position[1:])) for one in block.photos
+    ]
+    said = " ".join(adjust_block(replace(block, photos=tuple(photos))).warnings)
+    assert "the photos agree with control" in said
+    assert len(tried) <= 3
 
 
 @pytest.mark.slow

@@ -44,7 +44,8 @@ _PLACES = 20  # of one photo that are tried
 _TURNED = 0.1  # of two rotations: less turned they are the same
 _HOPELESS = 100.0  # of v'Pv: what is more, while the other photos stay, leads to nothing less
 _FITS = 2.0  # sigma0 up to which no place is tried from which a photo settles where it is
-_WRONG = 2  # rays that explain, if they are wrong, why a minimum does not fit
+_WRONG = 3  # rays that explain, if they are wrong, why a minimum does not fit
+_MOST_RAYS = 0.5  # of all: if more are far off a robust solution, it is what is given that is wrong
 _TRIES = 60  # steps from one of them
 _MOST = 30  # minima that lead to nothing, at most
 _LEAST = 2
@@ -132,13 +133,18 @@ def at_other_places(problem: Problem, found: Minimum, progress: Progress | None)
 
 
 def _explained(problem: Problem, found: Minimum) -> bool:
-    """Whether a minimum fits, or would without one or two rays: these are wrong, and no photo."""
+    """Whether a minimum fits, or what does not is no photo's place.
+
+    But a few rays, without which it would fit, or what is given, off which nearly all rays are.
+    """
     if found.convergence.last <= _FITS**2 * max(problem.redundancy, 1):
         return True
     try:
         solution = robust_state(problem, found.normal.structure, found.state)
     except (NotComputableError, np.linalg.LinAlgError):
         return False
+    if solution.rays_off > _MOST_RAYS * len(problem.photo):
+        return True
     return int((_off(problem, solution.state, _MOST_SIGMA0) > _OFF).sum()) <= _WRONG
 
 
