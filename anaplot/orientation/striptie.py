@@ -39,7 +39,6 @@ LEVEL_DEG = 3.0
 FEWEST = 2
 """Common points from which there is a similarity; from three on it may need no level systems."""
 _UNKNOWNS = ("X0", "Y0", "Z0", "omega", "phi", "kappa", "scale")
-_AXES = ("X", "Y", "Z")
 _STEPS = 20
 _SMALL = 1e-6  # of a standard deviation
 _GROSS = 0.02  # of the extent: farther than inclinations of level systems and relief may move

@@ -453,7 +453,6 @@ def block_gross_errors(
 
 
 _Names = frozenset[ObservationName]
-_Solved = SolvedWithout[BlockPlace, ObservationName]
 
 
 class _Second(NamedTuple):

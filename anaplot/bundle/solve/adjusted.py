@@ -470,8 +470,3 @@ def observation_in_words(name: ObservationName) -> tuple[str, str]:
         return f"{name[-1]} of {name[-2]} in {what}", "condition"
     of = "prior" if name[-1] in ORIENTATION else "parameter"
     return f"the prior {name[-1]} of {what}", of
-
-
-def _triple(values: Array) -> tuple[float, float, float]:
-    x, y, z = values.tolist()
-    return x, y, z

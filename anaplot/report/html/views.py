@@ -36,7 +36,6 @@ __all__ = [
     "Text",
     "of_every_row",
     "page_view",
-    "table_views",
     "text_of",
 ]
 
@@ -198,16 +197,6 @@ def page_view(report: Report, *, most_rows: int = MOST_ROWS, beside: str = "") -
     verdict = tuple(map(_labelled, report.verdict))
     lead = () if report.lead is None else text_of(report.lead)
     return PageView(text_of(report.title), lead, verdict, sections, plan.cut)
-
-
-def table_views(sections: Iterable[SectionView]) -> Iterator[TableView]:
-    """Yield the tables of sections, from top to bottom."""
-    for section in sections:
-        for block in section.blocks:
-            if block.table is not None:
-                yield block.table
-            if block.section is not None:
-                yield from table_views((block.section,))
 
 
 class _Addresses:
