@@ -22,9 +22,9 @@ _LONGEST = 2000  # characters of one text
 _MARKUP = str.maketrans({"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;", "'": "&#39;"})
 
 
-def escaped(text: str, most: int = _LONGEST) -> Svg:
+def escaped(text: str) -> Svg:
     """Return outside text as text of XML: no control character, direction mark or markup in it."""
-    return Svg(plain(text, most).translate(_MARKUP))
+    return Svg(plain(text, _LONGEST).translate(_MARKUP))
 
 
 def shortened(text: str, most: int) -> str:

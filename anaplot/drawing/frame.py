@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from anaplot.aliases import Array, Bools
+from anaplot.aliases import Array
 from anaplot.drawing.ticks import covering
 
 __all__ = ["WIDTH", "Frame", "Range", "equal_frame", "free_frame"]
@@ -18,6 +18,7 @@ WIDTH = 640.0
 """Width of every drawing; a page shows it as wide as it has room."""
 
 _LEFT, _RIGHT = 84.0, 16.0
+_NUMBERS = 64.0  # room for numbers at the left of a frame that is not to scale
 _MARGIN = 0.06  # of the extent, around what is drawn to scale
 _FINEST = 1e-9  # of the size of the numbers: a narrower extent is no axis
 _FLATTEST, _STEEPEST = 0.34, 0.92  # height over width of a frame to scale
@@ -87,11 +88,6 @@ class Frame:
         room = np.where(step == 0.0, 1.0, room).min(axis=1)
         return np.where(((start >= low) & (start <= high)).all(axis=1), np.minimum(room, 1.0), 1.0)
 
-    def holds(self, points: Array) -> Bools:
-        """Return (n,) which numbers lie within it."""
-        low, high = np.array([self.x[0], self.y[0]]), np.array([self.x[1], self.y[1]])
-        return np.asarray(((points >= low) & (points <= high)).all(axis=-1))
-
 
 def free_frame(
     top: float,
@@ -99,7 +95,6 @@ def free_frame(
     y: Range,
     *,
     height: float = 270.0,
-    left: float = 64.0,
     round_x: bool = True,
 ) -> Frame:
     """Return a frame as wide as the drawing whose sides are round numbers.
@@ -110,8 +105,8 @@ def free_frame(
         Its upper side.
     x, y
         What it has to hold.
-    height, left
-        Its height, and the room at its left for numbers.
+    height
+        Of it.
     round_x
         Whether its left and right side are round, too.
     """
@@ -121,12 +116,10 @@ def free_frame(
         of_x = covering(*x, most=12).values
         x = of_x[0], of_x[-1]
     of_y = covering(*y).values
-    return Frame(left, top, WIDTH - left - _RIGHT, height, x, (of_y[0], of_y[-1]))
+    return Frame(_NUMBERS, top, WIDTH - _NUMBERS - _RIGHT, height, x, (of_y[0], of_y[-1]))
 
 
-def equal_frame(
-    top: float, points: Array, *, margin: float = _MARGIN, steepest: float = _STEEPEST
-) -> Frame:
+def equal_frame(top: float, points: Array, *, margin: float = _MARGIN) -> Frame:
     """Return a frame as wide as the drawing in which x and y have the same scale.
 
     Parameters
@@ -137,8 +130,6 @@ def equal_frame(
         (n, 2) what it has to hold; n may be 0.
     margin
         Room around them, in parts of their larger extent.
-    steepest
-        Its height is at most so many of its widths; what is higher stands in its middle.
     """
     if len(points) == 0:
         points = np.zeros((1, 2))
@@ -148,7 +139,7 @@ def equal_frame(
     size = max(float(extent.max()), least) * (1.0 + 2.0 * margin)
     extent = np.maximum(extent + 2.0 * margin * extent.max(), 1e-3 * size)
     width = WIDTH - _LEFT - _RIGHT
-    ratio = min(max(float(extent[1] / extent[0]), _FLATTEST), steepest)
+    ratio = min(max(float(extent[1] / extent[0]), _FLATTEST), _STEEPEST)
     height = round(width * ratio)
     scale = min(width / extent[0], height / extent[1])
     half_x, half_y = width / scale / 2.0, height / scale / 2.0

@@ -44,8 +44,7 @@ def placed(
     gap: float = 7.0,
     obstacles: Array | None = None,
     boxes: Array | None = None,
-    most: int = 80,
-    far: bool = False,
+    most: int,
     towards: Array | None = None,
 ) -> list[Placed]:
     """Return which labels have room, the first ones first.
@@ -66,8 +65,6 @@ def placed(
         (m, 4) what else is not to be covered, other labels: left, upper, right and lower sides.
     most
         How many labels are tried.
-    far
-        Whether one that has no room beside its point may stand farther away.
     towards
         (n, 2) directions in which each stands rather than elsewhere; None: to the right.
     """
@@ -83,21 +80,19 @@ def placed(
         directions = _DIRECTIONS
         if towards is not None:
             directions = directions[np.argsort(-directions @ towards[k], kind="stable")]
-        for away in (gap, 2.5 * gap, 4.0 * gap) if far else (gap,):
-            middle = at[k] + directions * (away + half)
-            low, high = middle - half, middle + half
-            inside = ((low >= low_side) & (high <= high_side)).all(axis=1)
-            over = (
-                (taken[:, 0] < high[:, :1])
-                & (taken[:, 2] > low[:, :1])
-                & (taken[:, 1] < high[:, 1:])
-                & (taken[:, 3] > low[:, 1:])
-            ).any(axis=1)
-            free = np.flatnonzero(inside & ~over)
-            if len(free):
-                x, y = low[free[0]].tolist()
-                box = np.hstack((low[free[0]] - _APART, high[free[0]] + _APART))
-                taken = np.vstack((taken, box))
-                found.append(Placed(k, x, y))
-                break
+        middle = at[k] + directions * (gap + half)
+        low, high = middle - half, middle + half
+        inside = ((low >= low_side) & (high <= high_side)).all(axis=1)
+        over = (
+            (taken[:, 0] < high[:, :1])
+            & (taken[:, 2] > low[:, :1])
+            & (taken[:, 1] < high[:, 1:])
+            & (taken[:, 3] > low[:, 1:])
+        ).any(axis=1)
+        free = np.flatnonzero(inside & ~over)
+        if len(free):
+            x, y = low[free[0]].tolist()
+            box = np.hstack((low[free[0]] - _APART, high[free[0]] + _APART))
+            taken = np.vstack((taken, box))
+            found.append(Placed(k, x, y))
     return found

@@ -71,9 +71,9 @@ class Entry:
         return element("path", d=draw(middle - half, middle + half), class_=self.classes)
 
 
-def hatching(x: float, y: float, width: float, height: float, gap: float = 4.0) -> Svg:
+def hatching(x: float, y: float, width: float, height: float) -> Svg:
     """Return slanting lines that fill a rectangle."""
-    begins = np.arange(gap / 2.0, width + height, gap)
+    begins = np.arange(2.0, width + height, 4.0)
     start = np.stack((x + np.minimum(begins, width), y + np.maximum(begins - width, 0.0)), axis=1)
     end = np.stack((x + np.maximum(begins - height, 0.0), y + np.minimum(begins, height)), axis=1)
     return element("path", d=segments(start, end), class_="line thin l-ink")

@@ -6,14 +6,13 @@ units of the drawing, y down.
 
 from __future__ import annotations
 
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 
 from anaplot.aliases import Array
 
 __all__ = [
-    "SHAPES",
     "Shape",
     "arrows",
     "dots",
@@ -28,7 +27,6 @@ __all__ = [
 Shape = Literal["circle", "triangle", "square", "diamond", "cross", "plus", "down"]
 """A mark; the tip of "triangle" is above, that of "down" below."""
 
-SHAPES: tuple[Shape, ...] = get_args(Shape)
 
 _HEAD = 4.5  # length of an arrow's head, at most half of the arrow
 _HALF_WIDTH = 0.42  # of a head, in its lengths

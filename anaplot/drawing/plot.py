@@ -28,6 +28,7 @@ _TITLE = 15.0  # size of a title, as its style has it
 _ROOM_OF_NUMBER = 62.0  # at the left of a frame
 _BETWEEN = 14.0  # between two numbers of an axis
 _LONGEST_NAME = 14  # characters of names beside points
+_MOST_NAMES = 80  # of which room is looked for at once
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,12 +217,6 @@ class Plot:
         if len(at) > 1:
             self.path(pathdata.polyline(self.frame.places(at)), f"line {classes}")
 
-    def segments(self, start: Array, end: Array, classes: str) -> None:
-        """Add lines between (n, 2) numbers and (n, 2) others."""
-        if len(start):
-            places = self.frame.places
-            self.path(pathdata.segments(places(start), places(end)), f"line {classes}")
-
     def areas(self, corners: Array, classes: str) -> None:
         """Add closed polygons of (n, k, 2) numbers."""
         if len(corners):
@@ -268,20 +263,19 @@ class Plot:
         *,
         obstacles: Array | None = None,
         gap: float = 7.0,
-        most: int = 80,
     ) -> list[int]:
         """Add names beside (n, 2) numbers where there is room, and return which did not find it.
 
         None of them covers a name that was added before.
         """
-        shown = [shortened(name, _LONGEST_NAME) for name in names[:most]]
+        shown = [shortened(name, _LONGEST_NAME) for name in names[:_MOST_NAMES]]
         if not shown:
             return []
         sizes = np.array([[text_width(name, SMALL), 0.8 * SMALL] for name in shown])
         others = None if obstacles is None else self.frame.places(obstacles)
-        at = self.frame.places(at[:most])
+        at = self.frame.places(at[:_MOST_NAMES])
         found = placed(
-            self.frame, at, sizes, gap=gap, obstacles=others, boxes=self._named, most=most
+            self.frame, at, sizes, gap=gap, obstacles=others, boxes=self._named, most=_MOST_NAMES
         )
         whole = f"t-small t-halo {classes}".strip()
         for label in found:

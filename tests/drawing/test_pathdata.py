@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -61,7 +62,7 @@ def test_a_short_arrow_has_no_head() -> None:
     assert [one.tolist() for one in found] == [[[1.0, 1.0], [2.0, 1.0]]]
 
 
-@pytest.mark.parametrize("shape", pathdata.SHAPES)
+@pytest.mark.parametrize("shape", get_args(pathdata.Shape))
 def test_marks_stand_in_their_middle(shape: pathdata.Shape) -> None:
     d = pathdata.marks(shape, np.array([[100.0, 50.0]]), 5.0)
     if shape == "circle":

@@ -35,7 +35,6 @@ def bars(
     *,
     x_title: str,
     what: str,
-    decimals: int = 2,
     bound: float | None = None,
     bound_label: str = "",
     marked: Bools | None = None,
@@ -54,8 +53,6 @@ def bars(
         What the numbers are, with their unit.
     what
         What the bars are called.
-    decimals
-        With which the numbers are written beside them.
     bound, bound_label
         A number at an upright line, and what it is called.
     marked, marked_label
@@ -98,7 +95,7 @@ def bars(
             begin = low if x[k] < zero else low + width - end
             plot.add(hatching(begin, y + 2.5, end, _ROW - 5.0))
         plot.add(text(left - 7.0, y + 12.8, names[k], "t-small t-end", most=_NAME))
-        value = written(float(values[k]), decimals)
+        value = written(float(values[k]), 2)
         plot.add(text(max(zero, float(x[k])) + 5.0, y + 12.8, value, "t-small t-halo"))
     plot.explain(Entry("area", what, "f-series-1"))
     if hatched.any():

@@ -27,7 +27,6 @@ def histogram(
     description: str,
     *,
     x_title: str,
-    y_title: str = "number",
     what: str = "found",
     curve: Array | None = None,
     curve_label: str = "",
@@ -43,8 +42,8 @@ def histogram(
         What stands above it, and what it says in words.
     counts, edges
         (n,) numbers of values between (n + 1,) ascending edges.
-    x_title, y_title
-        What was counted, with its unit, and what the numbers are.
+    x_title
+        What was counted, with its unit.
     what
         What the bars are called.
     curve, curve_label
@@ -62,7 +61,7 @@ def histogram(
         head.bottom, (float(edges[0]), float(edges[-1])), (0.0, top * 1.04), round_x=False
     )
     plot = Plot(head, frame)
-    plot.axes(x_title, y_title, x_ticks=ticks(*frame.x, 13))
+    plot.axes(x_title, "number", x_ticks=ticks(*frame.x, 13))
     left, right = edges[:-1], edges[1:]
     some = counts > 0.0
     zero = np.zeros_like(counts)
