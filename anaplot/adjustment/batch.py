@@ -7,8 +7,6 @@ so that there is a loop over sweeps but never one over runs.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 import numpy as np
 
 from anaplot.adjustment.findings import SearchSettings
@@ -16,35 +14,13 @@ from anaplot.adjustment.partners import likeliest
 from anaplot.adjustment.significance import critical_normal, critical_tau
 from anaplot.aliases import Array, Bools, Index
 
-__all__ = ["BATCH_TESTS", "BatchRejections", "batch_test", "reject_stepwise", "standardized"]
+__all__ = ["BATCH_TESTS", "batch_test", "reject_stepwise", "standardized"]
 
 
 BATCH_TESTS = ("baarda", "tau")
 
 # R carries rounding of about 1e-13, amplified by every elimination
 _LOST = 1e-8
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class BatchRejections:
-    """What stepwise rejection did in each of m runs of n rows.
-
-    Attributes
-    ----------
-    rejected
-        (m, n) rows rejected.
-    order
-        (m, k) rows in the order of rejection, -1 after the last.
-    vtpv
-        (m,) v'Pv of the rows that remain.
-    redundancy
-        (m,) redundancy that remains.
-    """
-
-    rejected: Bools = field(repr=False)
-    order: Index = field(repr=False)
-    vtpv: Array = field(repr=False)
-    redundancy: Index = field(repr=False)
 
 
 def standardized(e: Array, r: Array) -> Array:
@@ -76,7 +52,7 @@ def reject_stepwise(
     alpha: float,
     *,
     redundancy: int | None = None,
-) -> BatchRejections:
+) -> Bools:
     """Reject the row with the largest statistic, run by run, until none exceeds its critical value.
 
     Of rows that are hard to tell apart from it the likeliest goes (`partners`); every row is a
@@ -96,6 +72,11 @@ def reject_stepwise(
     redundancy
         Rank of R; None: its trace, which it is where R is idempotent.
 
+    Returns
+    -------
+    (m, n)
+        Which rows are rejected in each run.
+
     Raises
     ------
     ValueError
@@ -113,13 +94,10 @@ def reject_stepwise(
     r = np.tile(np.diag(matrix), (runs, 1))
     vtpv = np.einsum("mn,mn->m", e, errors)  # l'R l, also where R is not idempotent
     rejected = np.zeros((runs, n), dtype=bool)
-    steps = SearchSettings().room(redundancy)
-    order = np.full((runs, steps), -1, dtype=np.intp)
-    counts = np.zeros(runs, dtype=np.intp)
     active = np.arange(runs)
     stack = np.empty((runs, 0, n))  # orthogonalised, scaled columns of the active runs
 
-    for step in range(steps):
+    for step in range(SearchSettings().room(redundancy)):
         # every active run has rejected `step` rows
         left = redundancy - step
         statistic = standardized(e[active], r[active])
@@ -151,12 +129,8 @@ def reject_stepwise(
         r[active, row] = 0.0
         vtpv[active] = np.maximum(vtpv[active] - along * along, 0.0)
         rejected[active, row] = True
-        order[active, step] = row
-        counts[active] += 1
         stack = np.concatenate([stack, column[:, None, :]], axis=1)
-    return BatchRejections(
-        rejected, order[:, : int(counts.max(initial=0))], vtpv, redundancy - counts
-    )
+    return rejected
 
 
 def _columns(matrix: Array, stack: Array, row: Index) -> Array:

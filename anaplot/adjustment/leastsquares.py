@@ -77,10 +77,8 @@ class Adjustment(MadeAgain):
     rows
         (u + 1, n) derivatives by the unknowns and misclosures, divided by the roots of the
         cofactors.
-    q_l
-        (n,) a-priori cofactors of the rows.
     root
-        (n,) their roots.
+        (n,) roots of the a-priori cofactors of the rows.
     triangle
         (n or u + 1, u + 1) triangular factor of the rows, on and above its diagonal; below it the
         reflections that made it.
@@ -103,7 +101,6 @@ class Adjustment(MadeAgain):
 
     unknowns: tuple[str, ...]
     rows: Array = field(repr=False)
-    q_l: Array
     root: Array = field(repr=False)
     triangle: Array = field(repr=False)
     factors: Array = field(repr=False)
@@ -286,7 +283,6 @@ def adjust_weighted(
     return Adjustment(
         unknowns=tuple(unknowns),
         rows=rows,
-        q_l=cofactors,
         root=root,
         triangle=triangle,
         factors=factors,

@@ -15,7 +15,7 @@ S_gh = tr(Q_vv P_g Q_vv P_h). S follows from sums as well: d r_g / d ln s_h^2 = 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import sqrt
 from typing import Literal, NamedTuple
 
@@ -139,14 +139,11 @@ class VarianceComponents:
         Adjustments made.
     converged
         Whether the last one changed no factor by more than the tolerance.
-    history
-        (iterations + 1, k) factors, from the first to the last.
     """
 
     components: tuple[VarianceComponent, ...]
     iterations: int
     converged: bool
-    history: Array = field(repr=False)
 
     @property
     def factors(self) -> Array:
@@ -214,7 +211,6 @@ def estimate_components(
     if k == 0 or len(observations) != k:
         raise InputError("variance components need groups of observations")
     factors = np.ones(k)
-    history = [factors.copy()]
     vanishing, undetermined = np.zeros(k, dtype=bool), np.zeros(k, dtype=bool)
     found = readjust(factors)
     runs, converged = 1, False
@@ -231,7 +227,6 @@ def estimate_components(
         new = np.where(undetermined, 1.0, new)
         change = float(np.abs(new / factors - 1.0).max())
         converged = change <= tolerance and not bool(gone.any())
-        history.append(new.copy())
         if converged or runs >= most:
             break
         factors = new
@@ -262,7 +257,6 @@ def estimate_components(
         ),
         runs,
         converged,
-        np.array(history),
     )
 
 

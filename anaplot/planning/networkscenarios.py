@@ -163,7 +163,7 @@ class _GruenTrial:
 def _found(matrix: Array, errors: Array, method: str, alpha: float) -> Bools:
     """Return (runs, n) the rows a method rejects."""
     if method == "snooping":
-        return reject_stepwise(matrix, errors, "baarda", alpha).rejected
+        return reject_stepwise(matrix, errors, "baarda", alpha)
     v = errors @ matrix
     limit = np.full(len(v), 3.0)
     if method == "3 sigma0_hat":

@@ -160,9 +160,7 @@ class _OwnGeometry:
     def _rejected(self, errors: Array, method: str, alpha: float) -> Bools:
         matrix, r = self._of.matrix, self._r
         if method in BATCH_TESTS:
-            return reject_stepwise(
-                matrix, errors, method, alpha, redundancy=self._redundancy
-            ).rejected
+            return reject_stepwise(matrix, errors, method, alpha, redundancy=self._redundancy)
         settings = SearchSettings(alpha=alpha)
         out = np.zeros(errors.shape, dtype=bool)
         left = errors @ matrix

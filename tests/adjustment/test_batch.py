@@ -34,7 +34,7 @@ def one_by_one(a, errors, test, alpha):
         if w.max() <= critical:
             break
         order.append(keep.pop(int(np.argmax(w))))
-    return order, float(np.sum((residual_matrix(a[keep]) @ errors[keep]) ** 2))
+    return order
 
 
 @pytest.mark.parametrize("test", ["baarda", "tau"])
@@ -44,13 +44,10 @@ def test_every_run_is_as_if_adjusted_again(test):
     for run in errors:
         run[rng.choice(N, 2, replace=False)] += rng.choice([-15.0, 15.0], 2)
     found = reject_stepwise(residual_matrix(a), errors, test, 0.01)
-    assert found.rejected.sum() > 100
+    assert found.sum() > 100
     for m, run in enumerate(errors):
-        order, vtpv = one_by_one(a, run, test, 0.01)
-        assert [i for i in found.order[m] if i >= 0] == order
-        assert sorted(np.flatnonzero(found.rejected[m])) == sorted(order)
-        assert found.redundancy[m] == N - U - len(order)
-        assert found.vtpv[m] == pytest.approx(vtpv, abs=1e-7)
+        order = one_by_one(a, run, test, 0.01)
+        assert sorted(np.flatnonzero(found[m])) == sorted(order)
 
 
 def test_sizes_equal_alpha_under_no_error():
@@ -67,7 +64,7 @@ def test_sizes_equal_alpha_under_no_error():
 
 def test_no_runs_are_no_rejections():
     matrix = residual_matrix(design())
-    assert reject_stepwise(matrix, np.empty((0, N)), "tau", 0.001).order.shape == (0, 0)
+    assert reject_stepwise(matrix, np.empty((0, N)), "tau", 0.001).shape == (0, N)
 
 
 def test_what_does_not_belong_together_is_refused():

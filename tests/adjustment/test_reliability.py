@@ -20,14 +20,14 @@ def sample(seed=1, n=12, u=5):
 def test_transfers_by_definition():
     for seed in range(10):
         a = sample(seed, 9, 5)
-        influence = a.q_vv @ np.diag(1.0 / a.q_l)
+        influence = a.q_vv @ np.diag(1.0 / a.root**2)
         expected = [
             (i, j)
             for i in range(9)
             for j in range(9)
             if i != j and abs(influence[j, i]) >= influence[i, i] - 1e-9
         ]
-        found = error_transfers(a.q_vv / a.q_l)
+        found = error_transfers(a.q_vv / a.root**2)
         critical = [(i, j) for i, j, value in found if is_critical(value, influence[i, i])]
         assert critical == expected
         assert [(i, j) for i, j, _ in found] == [

@@ -31,9 +31,9 @@ def main(runs: int = 10_000) -> int:
     errors = rng.normal(size=(runs, len(matrix)))
     errors[np.arange(runs), rng.integers(len(matrix), size=runs)] += 10.0
     start = perf_counter()
-    at_once = reject_stepwise(matrix, errors, "baarda", 0.001).rejected
+    at_once = reject_stepwise(matrix, errors, "baarda", 0.001)
     middle = perf_counter()
-    singly = [reject_stepwise(matrix, run[None], "baarda", 0.001).rejected[0] for run in errors]
+    singly = [reject_stepwise(matrix, run[None], "baarda", 0.001)[0] for run in errors]
     end = perf_counter()
     print(f"{runs} runs at once   {(middle - start) * 1e3:9.1f} ms")
     print(f"{runs} runs one by one{(end - middle) * 1e3:9.1f} ms")
