@@ -48,8 +48,6 @@ class LiveAnswer:
         For every flagged point how probable it is that an error of one of them is what shows.
     aside
         Photos that do not hang together with the rest yet.
-    reused
-        Whether the structure of the equations could be used again.
     """
 
     adjusted: AdjustedBlock
@@ -57,7 +55,6 @@ class LiveAnswer:
     suspect_rays: dict[str, tuple[SuspectRay, ...]]
     explained: dict[str, float]
     aside: tuple[str, ...]
-    reused: bool
 
 
 class LiveBlock:
@@ -110,7 +107,7 @@ class LiveBlock:
         self._block = block
         fast = self._only_coordinates(before, block, progress)
         if fast is not None:
-            return self._keep(fast, self._answer.aside if self._answer else (), reused=True)
+            return self._keep(fast, self._answer.aside if self._answer else ())
         error: NotComputableError | None = None
         hanging: Problem | None = None
         datums: tuple[Datum, ...] = ("control", "free")
@@ -127,10 +124,10 @@ class LiveBlock:
             except NotComputableError as caught:
                 error = error or caught
                 continue
-            return self._keep(adjusted, aside, reused=False)
+            return self._keep(adjusted, aside)
         if hanging is not None:
             # what is missing first of all is the datum, and that is told in words
-            return self._keep(self._adjusted(hanging, progress), (), reused=False)
+            return self._keep(self._adjusted(hanging, progress), ())
         assert error is not None
         raise error
 
@@ -196,14 +193,12 @@ class LiveBlock:
             return None
         return evaluate(problem, found, progress=progress)
 
-    def _keep(self, adjusted: AdjustedBlock, aside: tuple[str, ...], *, reused: bool) -> LiveAnswer:
-        self._answer = answer_of(adjusted, aside, reused=reused)
+    def _keep(self, adjusted: AdjustedBlock, aside: tuple[str, ...]) -> LiveAnswer:
+        self._answer = answer_of(adjusted, aside)
         return self._answer
 
 
-def answer_of(
-    adjusted: AdjustedBlock, aside: tuple[str, ...] = (), *, reused: bool = False
-) -> LiveAnswer:
+def answer_of(adjusted: AdjustedBlock, aside: tuple[str, ...] = ()) -> LiveAnswer:
     """Return the state of a block that is adjusted."""
     points = dict.fromkeys(point for _, _, point, _ in adjusted.suspects())
     return LiveAnswer(
@@ -212,7 +207,6 @@ def answer_of(
         suspect_rays=suspect_rays_of(adjusted, points),
         explained={point: explained(adjusted, point) for point in points},
         aside=aside,
-        reused=reused,
     )
 
 

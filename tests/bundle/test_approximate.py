@@ -19,7 +19,6 @@ from anaplot.bundle.start.bridging import bridged_chains, joined_chains
 from anaplot.bundle.start.relative import (
     _Pair,
     _Refined,
-    orient_pair,
     orientations,
     spread_rotations,
 )
@@ -199,7 +198,7 @@ def test_relative_orientation_in_any_attitude(seed: int) -> None:
         )
         rays.append(np.column_stack((seen.xy, np.full(15, -50.0))))
         frames.append((centre, direction, rotation))
-    found = orient_pair(*rays)
+    found = list(orientations(*rays, 0.0))
     assert found
     wanted = frames[0][2].T @ frames[1][2]
     base = frames[0][2].T @ (frames[1][0] - frames[0][0])
@@ -264,7 +263,7 @@ def test_what_explains_the_rays_comes_before_the_rest_is_sought(
     rest = list(every)
     assert early < len(steps) / 2
     assert all(np.abs(one.rotation - turn).max() > 0.01 for one in rest if one.in_front == 1.0)
-    best = orient_pair(*noisy)
+    best = list(orientations(*noisy, 0.0))
     assert [one.error for one in best] == sorted(one.error for one in best)
     np.testing.assert_allclose(soon.rotation, best[0].rotation, atol=1e-3)
     # the same orientations, whatever is known of the noise

@@ -101,9 +101,6 @@ def test_everything_equals_the_dense_formula(name) -> None:
             found.column(ray, axis).ravel(), whole[:, 2 * ray + axis], atol=1e-8
         )
         assert found.column(ray, axis)[ray, axis] == pytest.approx(found.r[ray, axis], abs=1e-9)
-    first, second = (0, 0), (m - 1, 1)
-    rho = whole[0, 2 * m - 1] / np.sqrt(whole[0, 0] * whole[2 * m - 1, 2 * m - 1])
-    assert found.correlation(first, second) == pytest.approx(rho, abs=1e-7)
 
 
 def test_free_network_equals_the_pseudo_inverse_over_the_points() -> None:

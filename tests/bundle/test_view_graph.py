@@ -15,7 +15,7 @@ from anaplot.bundle.solve.problem import Problem, make_problem
 from anaplot.bundle.solve.structure import make_structure
 from anaplot.bundle.start import seeds
 from anaplot.bundle.start.approximate import approximate_ways, doubtful
-from anaplot.bundle.start.relative import orient_pair
+from anaplot.bundle.start.relative import orientations
 from anaplot.bundle.start.seeds import grown_from_seed, rays_of_common_points, spread
 from anaplot.bundle.start.subblock import SubBlock, rays_of_photos, unit_rays
 from anaplot.bundle.start.viewgraph import view_graph
@@ -141,7 +141,7 @@ def test_a_seed_has_no_orientation_in_which_its_rays_miss_far_more_than_in_anoth
     for pair, possible in seeds._seeds(problem, rays, by_photo, pairs, nowhere):
         found = [one.error for one in possible]
         one, other = rays_of_common_points(problem, by_photo, pair)
-        every = [each.error for each in orient_pair(rays[one], rays[other])]
+        every = [each.error for each in orientations(rays[one], rays[other], 0.0)]
         assert max(found) <= 10.0 * max(found[0], problem.sigma[0] / problem.c[0])
         left_out += len(every[:3]) - len(found)
     assert left_out > 0

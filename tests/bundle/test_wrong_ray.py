@@ -12,7 +12,7 @@ from bundleblocks import aerial
 from denseblock import dense, dense_inverse
 
 from anaplot.bundle.adjust import adjust_block, adjust_bundle
-from anaplot.bundle.errors.wrongray import explained, suspect_rays, suspect_rays_of
+from anaplot.bundle.errors.wrongray import explained, suspect_rays_of
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.problem import make_problem
 from anaplot.photogrammetry.block import TestSettings
@@ -54,7 +54,8 @@ def test_a_ray_is_accused_as_often_rightly_as_is_said(kind) -> None:
         wrong = int(rng.choice(mine))
         e = rng.normal(size=len(adjusted.residual)) * adjusted.observed
         e[2 * wrong : 2 * wrong + 2] += 20.0 * rng.normal(size=2)
-        found = suspect_rays(adjusted.with_errors(e), problem.points[point])
+        name = problem.points[point]
+        found = suspect_rays_of(adjusted.with_errors(e), (name,))[name]
         claimed.append(found[0].probability)
         right.append(found[0].photo == problem.photos[problem.photo[wrong]])
     said = np.array(claimed)
@@ -132,7 +133,7 @@ def test_several_points_are_weighed_as_each_by_itself(kind) -> None:
     found = suspect_rays_of(block, names)
     assert tuple(found) == names
     for name in names:
-        one = suspect_rays(block, name)
+        one = suspect_rays_of(block, (name,))[name]
         assert [ray[:2] for ray in found[name]] == [ray[:2] for ray in one]
         weights = [ray.probability for ray in found[name]]
         assert weights == pytest.approx([ray.probability for ray in one], rel=1e-12)

@@ -16,7 +16,7 @@ from anaplot.aliases import Array, Index
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.photogrammetry.imagepoints import columns_of
 
-__all__ = ["SuspectRay", "explained", "suspect_rays", "suspect_rays_of"]
+__all__ = ["SuspectRay", "explained", "suspect_rays_of"]
 
 _ALL = 1e-12  # share of the sum of squares that is rounding
 _CHANCE = 1e-3  # below, it was not by chance that the other rays do not agree
@@ -42,8 +42,10 @@ class SuspectRay(NamedTuple):
     probability: float
 
 
-def suspect_rays(block: AdjustedBlock, point: str) -> tuple[SuspectRay, ...]:
-    """Weigh the rays of a point against each other, the most probable first.
+def suspect_rays_of(
+    block: AdjustedBlock, points: Iterable[str]
+) -> dict[str, tuple[SuspectRay, ...]]:
+    """Weigh the rays of each of several points against each other, the most probable first.
 
     An error of a ray is normal in x and in y, 20 standard deviations wide (conventions, Odds); with
     the eigenvalues q of its 2 x 2 cofactors of residuals and z the residuals along the axes,
@@ -54,15 +56,8 @@ def suspect_rays(block: AdjustedBlock, point: str) -> tuple[SuspectRay, ...]:
     Raises
     ------
     ValueError
-        The point is not in the block.
+        A point is not in the block.
     """
-    return suspect_rays_of(block, (point,))[point]
-
-
-def suspect_rays_of(
-    block: AdjustedBlock, points: Iterable[str]
-) -> dict[str, tuple[SuspectRay, ...]]:
-    """Return what `suspect_rays` does of several points, in their order."""
     problem = block.problem
     names = {block.point_number(point): point for point in points}
     models = columns_of(problem.block.image_points).model

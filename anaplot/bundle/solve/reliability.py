@@ -132,8 +132,6 @@ class Cofactors:
     ----------
     normal, factor, inverse
         What they were computed from; in the datum of the solution.
-    ray
-        (m, 2, 2) cofactors of the adjusted image coordinates, whitened.
     r
         (m, 2) redundancy numbers of x and y; zero where a coordinate is rejected.
     response
@@ -163,7 +161,6 @@ class Cofactors:
     normal: NormalEquations = field(repr=False)
     factor: Factor = field(repr=False)
     inverse: SelectedInverse = field(repr=False)
-    ray: Array
     r: Array
     response: Array
     points: Array
@@ -183,13 +180,6 @@ class Cofactors:
         """(p, 3) standard deviations of the points [m], with the a-priori sigma0."""
         # a coordinate free of error has the cofactor zero, but for rounding
         return np.asarray(np.sqrt(np.maximum(np.einsum("nii->ni", self.points), 0.0)))
-
-    def rays_of(self, point: int) -> Index:
-        """Return the rays of a point, which stand side by side."""
-        groups = self.normal.problem.groups
-        group = next(g for g in groups if point < g.first_point + g.points)
-        start = group.first_ray + (point - group.first_point) * group.rays
-        return np.arange(start, start + group.rays)
 
     def point_rays(self, point: int) -> tuple[Index, Array]:
         """Return the rays of a point and the (2k, 2k) whitened cofactors of their residuals."""
@@ -265,18 +255,6 @@ class Cofactors:
         """Return (m, 2): a column of Q_vv P of the image coordinates, see `cofactor_column`."""
         return cofactor_column(self.normal, self.factor, ray, axis)
 
-    def correlation(self, first: tuple[int, int], second: tuple[int, int]) -> float:
-        """Return the correlation of the residuals of two image coordinates (ray, axis)."""
-        if self.normal.problem.point[first[0]] == self.normal.problem.point[second[0]]:
-            rays, q = self.point_rays(int(self.normal.problem.point[first[0]]))
-            i = 2 * int(np.nonzero(rays == first[0])[0][0]) + first[1]
-            j = 2 * int(np.nonzero(rays == second[0])[0][0]) + second[1]
-            value = float(q[i, j])
-        else:
-            value = float(self.column(*first)[second])
-        size = float(self.r[first] * self.r[second])
-        return min(1.0, max(-1.0, value / size**0.5)) if size > 0.0 else float("nan")
-
 
 def cofactor_column(normal: NormalEquations, factor: Factor, ray: int, axis: int) -> Array:
     """Return (m, 2): a column of Q_vv P of the image coordinates (Gruen 1980, eq. 12-17).
@@ -334,7 +312,7 @@ def compute_cofactors(
     inverse = factor.selected_inverse(progress)
     m, d, g = len(problem.photo), linear.a.shape[2], len(normal.corner)
     count = len(problem.points)
-    adjusted = np.empty((m, 2, 2))
+    adjusted = np.empty((m, 2))
     response = np.empty((m, 3, 2))
     q_points = np.empty((count, 3, 3))
     own = inverse.blocks[normal.structure.pattern.diagonal]
@@ -382,7 +360,7 @@ def compute_cofactors(
             ht = h.transpose(0, 2, 1)
             hb = np.matmul(a, np.matmul(beside_h, ht))
             q_ray += hb + hb.transpose(0, 2, 1) + np.matmul(np.matmul(h, corner_h), ht)
-        adjusted[rays] = q_ray
+        adjusted[rays] = np.einsum("mii->mi", q_ray)
         # L^-T takes it back
         back = np.matmul(back.reshape(size, 2 * k, 3), root).reshape(size * k, 2, 3)
         response[rays] = back.transpose(0, 2, 1)
@@ -396,7 +374,7 @@ def compute_cofactors(
         for first in range(0, m, step):
             part = slice(first, first + step)
             seen = normal.seen(x, y, s, part)
-            adjusted[part] -= np.matmul(seen @ added.inner, seen.transpose(0, 2, 1))
+            adjusted[part] -= np.einsum("mij,mij->mi", seen @ added.inner, seen)
             response[part] -= np.matmul(yw[problem.point[part]], seen.transpose(0, 2, 1))
         q_points -= np.matmul(yw, y.transpose(0, 2, 1))
         own = own - np.matmul(xw, x.transpose(0, 2, 1))
@@ -404,7 +382,7 @@ def compute_cofactors(
     update = normal.update(factor)
     if update is not None:
         r_conditions = np.diag(update.rows).copy()
-    r = _weighted(problem, slice(None)) - np.einsum("mii->mi", adjusted)
+    r = _weighted(problem, slice(None)) - adjusted
     np.clip(r, 0.0, 1.0, out=r)
     weight = linear.point_weight
     r_ground = np.where(
@@ -436,7 +414,6 @@ def compute_cofactors(
         normal,
         factor,
         inverse,
-        adjusted,
         r,
         response,
         q_points,

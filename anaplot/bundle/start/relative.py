@@ -15,7 +15,7 @@ import numpy as np
 from anaplot.aliases import Array, Bools, Index
 from anaplot.photogrammetry.collinearity import turns
 
-__all__ = ["RelativeOrientation", "orient_pair", "orientations", "spread_rotations"]
+__all__ = ["RelativeOrientation", "orientations", "spread_rotations"]
 
 
 _STARTS = 600
@@ -53,17 +53,6 @@ class RelativeOrientation(NamedTuple):
     error: float
     in_front: float
     angle: float
-
-
-def orient_pair(first: Array, second: Array) -> list[RelativeOrientation]:
-    """Return possible relative orientations, the best first.
-
-    Parameters
-    ----------
-    first, second
-        (n, 3) rays of the common points in image axes, n >= 5.
-    """
-    return list(orientations(first, second, 0.0))
 
 
 def orientations(first: Array, second: Array, noise: float) -> Iterator[RelativeOrientation]:
