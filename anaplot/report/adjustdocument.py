@@ -221,28 +221,23 @@ def _figures(block: AdjustedBlock) -> Answer:
 
 def datum_words(problem: Problem) -> str:
     """Say from what the datum is."""
-    if _scaled(problem):
+    if problem.gives_scale:
         return f"{DATUM[problem.datum]}, the scale by distances"
     if _of_own_scale(problem):
         return f"{DATUM[problem.datum]}, the scale by nothing stated"
     return DATUM[problem.datum]
 
 
-def _scaled(problem: Problem) -> bool:
-    """Whether distances give the scale."""
-    return problem.conditions is not None and problem.conditions.gives_scale
-
-
 def _of_own_scale(problem: Problem) -> bool:
     """Whether there are no two places, not even approximate ones, to lay a network onto."""
-    if problem.datum == "control" or _scaled(problem):
+    if problem.datum == "control" or problem.gives_scale:
         return False
     places = np.concatenate((problem.near, problem.position))
     return bool((np.isfinite(places).sum(axis=0) < 2).all())
 
 
 def _scale(block: AdjustedBlock) -> Answer:
-    if _scaled(block.problem):
+    if block.problem.gives_scale:
         return {"scale": "distances", "scale_s": scale_deviation(block)}
     return {"scale": "open"} if _of_own_scale(block.problem) else {}
 

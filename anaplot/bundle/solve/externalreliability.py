@@ -361,7 +361,7 @@ class _Farthest:
         # conditions are what is added last
         moved = self._taken[-1].up(self._update.equations.contrasts.toarray())
         change = self._change
-        if change is not None and len(change.by_conditions):
+        if change is not None and change.gives_scale:
             scale = np.linalg.inv(change.defect)[:, 6]
             larger = np.einsum("nil,l->ni", change.null_points, scale)
             moved += np.einsum("k,ni->kni", change.by_conditions, larger)

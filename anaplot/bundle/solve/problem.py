@@ -366,7 +366,12 @@ class Problem:
             return 0
         if self.left_open is not None:
             return self.left_open
-        return 6 if self.conditions is not None and self.conditions.gives_scale else 7
+        return 6 if self.gives_scale else 7
+
+    @property
+    def gives_scale(self) -> bool:
+        """Whether distances give a network its scale that the datum leaves open."""
+        return self.conditions is not None and self.conditions.gives_scale
 
     @property
     def redundancy(self) -> int:

@@ -106,7 +106,7 @@ def _system(block: AdjustedBlock) -> Line:
     if problem.datum == "free" or not is_held(problem.block):
         scale = (
             "its scale is that of the distances"
-            if problem.conditions is not None and problem.conditions.gives_scale
+            if problem.gives_scale
             else "its scale is arbitrary: m stands for its unit of length"
         )
         laid = (

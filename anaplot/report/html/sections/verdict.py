@@ -236,9 +236,7 @@ def _unchecked(found: BlockAdjustment, status: BlockStatus, free: Line | None) -
     if not block.check_rows():
         lines.append(say("the coordinates as a whole: there is no check point"))
     if block.problem.datum != "control":
-        conditions = block.problem.conditions
-        scaled = conditions is not None and conditions.gives_scale
-        what = "where it lies" if scaled else "where it lies, and its scale"
+        what = "where it lies" if block.problem.gives_scale else "where it lies, and its scale"
         why = say("its datum is {}", DATUM[block.problem.datum]) if free is None else free
         lines.append(say("{}: ", what) + why)
     view = status.block
