@@ -34,7 +34,6 @@ __all__ = [
     "InnerGroup",
     "camera_remarks",
     "fiducial_table",
-    "inner_document",
     "inner_documents",
     "photo_document",
     "side_remarks",
@@ -74,13 +73,6 @@ class InnerGroup(NamedTuple):
     camera: CameraCalibration
     photos: Sequence[tuple[str, InnerOrientation | str]]
     unit: PlateUnit = MILLIMETRE
-
-
-def inner_document(
-    camera: CameraCalibration, photos: Sequence[tuple[str, InnerOrientation | str]]
-) -> Document:
-    """Return the document of photographs of one camera, measured in mm."""
-    return inner_documents([InnerGroup(camera, photos)])
 
 
 def inner_documents(groups: Sequence[InnerGroup]) -> Document:

@@ -20,7 +20,12 @@ from anaplot.photogrammetry.platetransformation import Placement, PlateTransform
 from anaplot.report.astext import table_lines
 from anaplot.report.innerarguments import INNER_HELP, add_inner_arguments
 from anaplot.report.innercommand import orient_photos, run_inner
-from anaplot.report.innerdocument import fiducial_table, inner_document, photo_document
+from anaplot.report.innerdocument import (
+    InnerGroup,
+    fiducial_table,
+    inner_documents,
+    photo_document,
+)
 
 CAMERA = """\
 format = 1
@@ -247,11 +252,11 @@ def test_columns_never_touch(make_file):
 
 def test_what_the_camera_leaves_open(make_file):
     camera = read_fiducials(make_file({"101": (8, None)})).camera
-    text = text_of(inner_document(camera, []))
+    text = text_of(inner_documents([InnerGroup(camera, [])]))
     assert text.endswith("up to radius 148 mm; beyond it, its last value is held")
-    assert inner_document(replace(camera, radial=None), []).page == ()
-    assert inner_document(replace(camera, format=(200.0, 200.0)), []).page == ()
-    assert inner_document(camera, []).to_dict() == {"camera": "rmk", "photos": []}
+    assert inner_documents([InnerGroup(replace(camera, radial=None), [])]).page == ()
+    assert inner_documents([InnerGroup(replace(camera, format=(200.0, 200.0)), [])]).page == ()
+    assert inner_documents([InnerGroup(camera, [])]).to_dict() == {"camera": "rmk", "photos": []}
 
 
 def test_one_file_holds_the_fiducials_of_all_photos(make_file, capsys, tmp_path):

@@ -16,15 +16,10 @@ from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.epochs.displacements import compare_epochs
 from anaplot.bundle.epochs.displacementtests import EpochTests, epoch_tests
 from anaplot.bundle.solve.additional import additional_parameters
-from anaplot.orientation.accuracy import model_accuracy
 from anaplot.photogrammetry.block import Block
 from anaplot.planning.idealblock import IdealBlock, photograph
 from anaplot.report.figures.blockmap import block_map
-from anaplot.report.figures.correlations import (
-    orientation_matrix,
-    parameter_matrix,
-    residual_matrix,
-)
+from anaplot.report.figures.correlations import parameter_matrix
 from anaplot.report.figures.displacements import displacement_maps
 from anaplot.report.figures.modelfigure import model_figure
 from anaplot.report.figures.photobars import photo_redundancy
@@ -91,22 +86,6 @@ def test_a_flagged_point_is_ringed_and_bad() -> None:
     assert sum(d.count("M") for d in paths(root, "l-bad")) == 2  # and the legend's
     bad = [one for one in root.iter(f"{SVG}text") if "t-bad" in one.get("class", "")]
     assert [one.text for one in bad] == [solution.tested.keys[0][0]]
-
-
-def test_correlations_of_an_orientation_are_those_of_its_accuracy() -> None:
-    solution = planned_pattern("9/3").result.solution
-    accuracy = model_accuracy(solution)
-    drawing = orientation_matrix(solution)
-    shown = texts(sound(drawing))
-    for name in accuracy.elements:
-        assert shown.count(name) == 2
-    first, second, rho = accuracy.strongest
-    assert f"{rho:.3f}".replace("-", "−") in drawing.description
-    assert first in drawing.description
-    assert second in drawing.description
-    residuals = residual_matrix(solution)
-    assert residuals is not None
-    assert f"{len(solution.tested)} rows" in residuals.description
 
 
 @pytest.fixture(scope="module")

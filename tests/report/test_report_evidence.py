@@ -22,7 +22,7 @@ from anaplot.report.document import Document, say
 from anaplot.report.figures.bridged import figures_of_models
 from anaplot.report.html.blocksections import Material, block_sections
 from anaplot.report.html.evidence import block_plates, evidence_sections
-from anaplot.report.html.parts import Report, Section, drawings_in, sections_in
+from anaplot.report.html.parts import Report, Section, drawings_in
 from anaplot.report.html.render import html_of
 from anaplot.report.html.sections import models, photoresiduals
 from anaplot.report.html.sections.innerorientations import inner_section, plates_in
@@ -79,7 +79,11 @@ def strip(tmp_path: Path, **options) -> Path:
 
 
 def titles(*sections: Section) -> list[str]:
-    return [section.key for section in sections_in(sections)]
+    """Keys of sections and of those within them, from top to bottom."""
+    found = []
+    for section in sections:
+        found += [section.key, *titles(*(b for b in section.blocks if isinstance(b, Section)))]
+    return found
 
 
 def test_models_have_the_numbers_of_json_rounded(tmp_path: Path) -> None:

@@ -22,7 +22,6 @@ __all__ = [
     "Report",
     "Section",
     "drawings_in",
-    "sections_in",
     "tables_in",
     "with_blocks",
 ]
@@ -132,13 +131,6 @@ def with_blocks(
         return replace(section, blocks=tuple(map(changed, section.blocks)))
 
     return tuple(map(of, sections))
-
-
-def sections_in(sections: Iterable[Section]) -> Iterator[Section]:
-    """Yield sections and those within them, from top to bottom."""
-    for section in sections:
-        yield section
-        yield from sections_in(block for block in section.blocks if isinstance(block, Section))
 
 
 def tables_in(sections: Iterable[Section]) -> Iterator[Table]:
