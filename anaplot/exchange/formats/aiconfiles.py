@@ -115,7 +115,7 @@ def read_rays(path: Path, notes: list[Note]) -> list[ImageRow]:
         x, y = (number(line, text, "x and y") for text in fields[2:4])
         sigma = None
         if len(fields) >= _SIGMAS:
-            sx, sy = (_thousandfold(line, text, "sx and sy") for text in fields[4:6])
+            sx, sy = (_thousandfold(line, text) for text in fields[4:6])
             if sx < 0.0 or sy < 0.0:
                 raise line.fail("a standard deviation below 0")
             sigma = sx if sx == sy else sqrt((sx * sx + sy * sy) / 2.0)
@@ -244,6 +244,6 @@ def _metres(line: SourceLine, texts: list[str]) -> XYZ:
     return x, y, z
 
 
-def _thousandfold(line: SourceLine, text: str, what: str) -> float:
-    value = number(line, text, what)
+def _thousandfold(line: SourceLine, text: str) -> float:
+    value = number(line, text, "sx and sy")
     return 1000.0 * value if set(text.lower()) & set("de") else float(f"{text}e3")

@@ -116,7 +116,7 @@ def _kept(source: Path) -> list[KeptRay]:
     size = _size(rays)
     _, of_photo = _cameras(of_camera, source, size, [])
     cameras = {str(k): camera for k, camera in enumerate(of_photo)}
-    names = kept_names(_measured(rays, size), cameras, pixels=True)
+    names = kept_names(_measured(rays, size), cameras)
     return [
         KeptRay(ray.line, str(ray.camera), name)
         for ray, name in zip(rays, names, strict=True)

@@ -98,15 +98,15 @@ class JsonPlace(NamedTuple):
             raise self.fail(f"must lie between {low:g} and {high:g}, not {value:g}")
         return float(value)
 
-    def optional(self, key: str, default: float) -> float:
-        """Return the number at a key, or the default where it is left out."""
-        return self.get(key).number() if key in self else default
+    def optional(self, key: str) -> float:
+        """Return the number at a key, or 0 where it is left out."""
+        return self.get(key).number() if key in self else 0.0
 
-    def vector(self, count: int) -> tuple[float, ...]:
-        """Return so many numbers; raises InputError for anything else."""
+    def vector(self) -> tuple[float, ...]:
+        """Return three numbers; raises InputError for anything else."""
         parts = self.elements()
-        if len(parts) != count:
-            raise self.fail(f"must have {count} numbers, not {len(parts)}")
+        if len(parts) != 3:
+            raise self.fail(f"must have 3 numbers, not {len(parts)}")
         return tuple(part.number() for part in parts)
 
     def checked(self, what: str, check: Callable[[str], str | None]) -> str:

@@ -162,9 +162,7 @@ def _made(head: bytes, raw_name: bytes, features: np.ndarray, fail: Complain) ->
     if (mine["point"] > _MOST).any():
         raise fail(f"image {quoted(name)}: a point's number beyond {_MOST}")
     point = mine["point"].astype(np.intp)
-    return ColmapImage(
-        number, camera, name, tuple(pose), index, mine["xy"].copy(), point, len(features)
-    )
+    return ColmapImage(number, camera, name, tuple(pose), index, mine["xy"].copy(), point)
 
 
 def _points(cursor: _Cursor) -> Iterator[tuple[int, bytes, bytes]]:

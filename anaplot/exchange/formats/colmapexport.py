@@ -84,7 +84,7 @@ def _rays_off(model: ColmapModel, block: Block) -> tuple[list[Bools], list[Note]
     """
     rows = {(row.photo, row.point): row for row in block.image_points}
     found = rays_of(model, block.cameras[0].pixel_um, 1.0)
-    names = kept_names(found.rays, found.camera_of, pixels=True)
+    names = kept_names(found.rays, found.camera_of)
     calls = iter(zip(names, found.rays.xy.tolist(), strict=True))
     state = [np.zeros(len(image.point), dtype=np.int8) for image in model.images]
     half = unknown = anew = 0

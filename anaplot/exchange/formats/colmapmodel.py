@@ -45,8 +45,6 @@ class ColmapImage:
         (n, 2) where they are [px].
     point
         (n,) numbers of their points.
-    features
-        How many it has, with a point or without.
     """
 
     id: int
@@ -56,7 +54,6 @@ class ColmapImage:
     index: Index
     xy: Array
     point: Index
-    features: int
 
     @property
     def oriented(self) -> bool:
@@ -96,11 +93,6 @@ class ColmapModel:
     def file(self, part: str) -> Path:
         """Return the path of one of its files."""
         return self.folder / f"{part}{self.ending}"
-
-    @property
-    def observations(self) -> int:
-        """How many features have a point."""
-        return sum(len(image.point) for image in self.images)
 
 
 def made_camera(

@@ -100,7 +100,7 @@ def _image(head: SourceLine, features: SourceLine | None) -> ColmapImage:
         xy, point = _features(features)
     index = np.flatnonzero(point != NO_POINT)
     name = parts[_HEAD].rstrip()
-    return ColmapImage(number, camera, name, pose, index, xy[index], point[index], len(point))
+    return ColmapImage(number, camera, name, pose, index, xy[index], point[index])
 
 
 def _any_number(line: SourceLine, text: str) -> float:

@@ -167,14 +167,6 @@ class CoordinateSystem:
         moved = np.stack((np.asarray(x) * out_of, np.asarray(y) * out_of, degrees[:, 2]), axis=1)
         return np.where(np.isfinite(moved), moved, degrees)
 
-    def scale_at(self, xyz: Array) -> float | None:
-        """Return the map's mean scale at (3,) coordinates; None where it is no map."""
-        if self.kind != "projected":
-            return None
-        lon, lat = self.degrees(xyz[None])[0, :2].tolist()
-        factors = _pyproj().Proj(self._horizontal).get_factors(lon, lat)
-        return float(np.sqrt(abs(factors.areal_scale)))
-
     def units(self) -> tuple[str, str]:
         """Return the units of coordinates and of heights; "" of a rare one."""
         up = _LENGTHS.get(round(self.height_m, 9), "")

@@ -108,7 +108,7 @@ def check_order(order: str | None, known: Iterable[str]) -> None:
         raise InputError(f"--order {plain(order, 60)}{hint(order, words)}")
 
 
-def stated_camera(options: ImportOptions, name: str = "camera") -> tuple[Camera | None, list[Note]]:
+def stated_camera(options: ImportOptions) -> tuple[Camera | None, list[Note]]:
     """Return the camera that a person states by a file or by numbers, or None.
 
     Raises
@@ -130,18 +130,18 @@ def stated_camera(options: ImportOptions, name: str = "camera") -> tuple[Camera 
     if options.pixels is None:
         if options.pixel_um is not None:
             raise InputError("--pixel-um: without --pixels")
-        return (None if options.c is None else Camera(name, options.c)), []
+        return (None if options.c is None else Camera("camera", options.c)), []
     if options.c is None:
         raise InputError("--pixels: without --c, the camera constant")
     c = options.c if options.pixel_um is not None else options.c / 1000.0
-    return in_pixels(Camera(name, c), options.pixels, options.pixel_um), []
+    return in_pixels(Camera("camera", c), options.pixels, options.pixel_um), []
 
 
-def image_sigma(options: ImportOptions, usual: float = 5.0) -> tuple[float, list[Note]]:
+def image_sigma(options: ImportOptions) -> tuple[float, list[Note]]:
     """Return the a-priori sigma of image coordinates [um] where the source states none."""
     if options.sigma_um is not None:
         return options.sigma_um, []
-    return usual, [Note("assumed", None, f"sigma of image coordinates {usual:g} um (--sigma-um)")]
+    return 5.0, [Note("assumed", None, "sigma of image coordinates 5 um (--sigma-um)")]
 
 
 def rays_that_count(block: Block) -> tuple[list[ImagePoint], list[Note]]:

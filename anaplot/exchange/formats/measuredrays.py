@@ -177,14 +177,14 @@ def own_sigmas(
 
 
 def kept_names(
-    rays: Sequence[MeasuredRay] | RayColumns, camera_of: Mapping[str, Camera], *, pixels: bool
+    rays: Sequence[MeasuredRay] | RayColumns, camera_of: Mapping[str, Camera]
 ) -> list[str | None]:
     """Return what `image_points_of` calls each ray's point, or None where it leaves the ray out.
 
-    By them the rays of a source are found again among the image points that were made of them.
+    By them the rays of a source [px] are found again among the image points that were made of them.
     """
     rays = rays if isinstance(rays, RayColumns) else RayColumns.of(rays)
-    _, outside, unseen, lost = _ideal(rays, camera_of, pixels=pixels)
+    _, outside, unseen, lost = _ideal(rays, camera_of, pixels=True)
     left_out = outside | unseen | lost
     names: list[str | None] = list(rays.point.listed())
     for k, name in _renamed(rays, left_out).items():

@@ -129,7 +129,7 @@ def _source_rays(source: Path) -> SourceRays:
         names, _ = _names_beside(listed, tracks)
         control = [names[name] for name in listed.names()]
         rays += _control_rays(listed, names)
-    kept = kept_names(rays, camera_of_photo, pixels=True)
+    kept = kept_names(rays, camera_of_photo)
     return SourceRays(
         frozenset(camera_of_photo), found.points, rays[:count], kept[:count], control, kept[count:]
     )

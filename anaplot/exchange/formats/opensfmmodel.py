@@ -139,13 +139,13 @@ def _shot(name: str, found: JsonPlace, cameras: Mapping[str, JsonPlace]) -> Shot
     camera = found.get("camera").checked("camera", lambda text: None)
     if camera not in cameras:
         raise found.fail(f"no camera {quoted(camera)}")
-    rotation = turn(*(found.get("rotation").vector(3)))
-    shift = np.array(found.get("translation").vector(3))
+    rotation = turn(*(found.get("rotation").vector()))
+    shift = np.array(found.get("translation").vector())
     x, y, z = (-rotation.T @ shift).tolist()
     ours = rotation.T @ np.diag([1.0, -1.0, -1.0])
     measured = None
-    if "gps_position" in found and found.optional("gps_dop", 0.0) < _NO_POSITION:
-        east, north, up = found.get("gps_position").vector(3)
+    if "gps_position" in found and found.optional("gps_dop") < _NO_POSITION:
+        east, north, up = found.get("gps_position").vector()
         measured = (east, north, up)
     return Shot(name, camera, (x, y, z), rotation_angles(ours), measured)
 
@@ -180,8 +180,8 @@ def camera_of(name: str, found: JsonPlace, pixel_um: float | None) -> Camera:
     else:
         fx = size * found.get("focal_x").number(1e-3, 1e3)
         fy = size * found.get("focal_y").number(1e-3, 1e3)
-    cx, cy = found.optional("c_x", 0.0), found.optional("c_y", 0.0)
-    k1, k2, k3, p1, p2 = (found.optional(key, 0.0) for key in ("k1", "k2", "k3", "p1", "p2"))
+    cx, cy = found.optional("c_x"), found.optional("c_y")
+    k1, k2, k3, p1, p2 = (found.optional(key) for key in ("k1", "k2", "k3", "p1", "p2"))
     lens = BrownLens(k1=k1, k2=k2, k3=k3, p1=p1, p2=p2, b1=fx / fy - 1.0)
     c = fy * (1.0 if pixel_um is None else pixel_um) / 1000.0
     principal = (0.5 * width + size * cx, 0.5 * height + size * cy)

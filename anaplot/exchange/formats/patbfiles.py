@@ -226,7 +226,7 @@ def read_orientations(path: Path, order: str | None) -> tuple[list[Orientation],
         raise records[-1].fail("a photo has three records: the file is cut")
     out: dict[str, Orientation] = {}
     for first, second, third in zip(records[::3], records[1::3], records[2::3], strict=True):
-        name, *texts = _fixed(first, (16, 32, 48, 64, 80))
+        name, *texts = _fixed(first)
         photo = first.name_of(name, "photo")
         if photo in out:
             raise first.fail(f"photo {quoted(photo)} twice")
@@ -363,12 +363,11 @@ def _height_row(
     groups += fields[2:]
 
 
-def _fixed(line: SourceLine, ends: tuple[int, ...]) -> list[str]:
+def _fixed(line: SourceLine) -> list[str]:
     """Return the fields of a record by its columns; by its blanks, where they differ."""
     text = line.text.rstrip()
-    starts = (0, *ends)
-    cut = [text[a:b].strip() for a, b in zip(starts, ends, strict=False)]
-    if len(ends) == 5 and not cut.pop(1) and all(cut) and not text[ends[-1] :]:
+    cut = [text[k : k + 16].strip() for k in range(0, 80, 16)]
+    if not cut.pop(1) and all(cut) and not text[80:]:
         return cut
     fields = text.split()
     if len(fields) != 4:
