@@ -7,22 +7,15 @@ from textual.renderables.digits import DIGITS, DIGITS3X3_BOLD
 __all__ = ["big_number"]
 
 
-def big_number(value: float | None, *, whole: int = 3, decimals: int = 3) -> tuple[str, str, str]:
+def big_number(value: float | None) -> tuple[str, str, str]:
     """Return a number with its sign as three lines, as wide whatever the number is.
 
-    Parameters
-    ----------
-    value
-        The number; None shows a dash.
-    whole
-        Digits before the point for which there is room.
-    decimals
-        Digits after the point.
+    There is room for three digits before the point, and three stand behind it; None is a dash.
     """
-    width = 3 * (1 + whole + decimals) + 1
+    width = 3 * (1 + 3 + 3) + 1
     if value is None:
         return " " * width, "╺━╸".rjust(width), " " * width
-    shown = f"{value:+.{decimals}f}"
+    shown = f"{value:+.3f}"
     if not shown.strip("+-0."):
         shown = f" {shown[1:]}"  # nothing has no sign
     rows: list[list[str]] = [[], [], []]

@@ -142,9 +142,9 @@ class ConditionEquations:
         ratio = bx / self.preceding_bx if self.preceding_bx else 1.0
         return tie_cofactor(ratio, self.tie_variance)
 
-    def evaluate(self, state: ModelUnknowns, *, ties: bool = True) -> Array:
+    def evaluate(self, state: ModelUnknowns) -> Array:
         """Return (7, n + m) weighted derivatives and misclosures in image units [mm]."""
-        return self.linearise(state, ties=ties)[0]
+        return self.linearise(state)[0]
 
     def linearise(self, state: ModelUnknowns, *, ties: bool = True) -> tuple[Array, Array]:
         """Return what `evaluate` does, and the (7, 18) `coefficients` with which it was made."""

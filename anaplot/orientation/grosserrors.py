@@ -113,14 +113,11 @@ class CleanedStrip:
     models: tuple[CleanedModel, ...]
 
 
-def strategy_findings(
-    solution: ModelSolution, strategy: str, settings: SearchSettings | None = None
-) -> Findings:
+def strategy_findings(solution: ModelSolution, strategy: str) -> Findings:
     """Run a strategy on a model as it is oriented.
 
-    `settings`: None has the significance of the model's test. "modified" takes its model values
-    from the ideal model with the same points. A remark says so where the a-priori sigma cannot be
-    right.
+    With the significance of the model's test. "modified" takes its model values from the ideal
+    model with the same points. A remark says so where the a-priori sigma cannot be right.
 
     Raises
     ------
@@ -128,7 +125,7 @@ def strategy_findings(
         No such strategy.
     """
     system = residual_system(solution)
-    settings = settings or SearchSettings(alpha=solution.test.alpha)
+    settings = SearchSettings(alpha=solution.test.alpha)
     found = find_gross_errors(
         system,
         strategy,

@@ -11,7 +11,7 @@ from anaplot.bundle.hypotheses.checktests import CheckTests
 from anaplot.bundle.hypotheses.conditiontests import ConditionTests
 from anaplot.bundle.hypotheses.controltests import ControlTests
 from anaplot.bundle.hypotheses.parametertests import ComponentTest, ParameterTests, SetTest
-from anaplot.bundle.hypotheses.verdict import Verdict
+from anaplot.bundle.hypotheses.verdict import CORRELATED, Verdict
 from anaplot.report.document import (
     BLANK,
     Block,
@@ -61,7 +61,7 @@ def hypotheses_document(found: BlockHypotheses) -> Document:
     """
     page: list[Block] = []
     if found.additional is not None:
-        page += _additional(found.additional, found.settings.correlated)
+        page += _additional(found.additional)
     if found.check is not None:
         page += _check(found.check)
     if found.conditions is not None:
@@ -151,15 +151,14 @@ def _tests(
     key: str,
     columns: tuple[Column, ...],
     rows: Iterable[tuple[Any, ...]],
-    more: str = _LARGER,
     most: int | None = _MOST,
 ) -> Table:
     """Return a table of single tests; the last two cells of a row come from its verdict."""
     cells = ((*row[:-1], _mark(row[-1])) for row in rows)
-    return replace(table(key, columns, cells, units=">"), most=most, more=more)
+    return replace(table(key, columns, cells, units=">"), most=most, more=_LARGER)
 
 
-def _additional(found: ParameterTests, limit: float) -> list[Block]:
+def _additional(found: ParameterTests) -> list[Block]:
     several = len({row.group for row in found.parameters}) > 1
 
     def label(name: Label) -> str:
@@ -185,7 +184,7 @@ def _additional(found: ParameterTests, limit: float) -> list[Block]:
             "other parameters; kept: noncentrality left by all unknowns"
         )
     )
-    page += _pairs(found, label, width, limit)
+    page += _pairs(found, label, width)
     for entry in found.sets[:_MOST]:
         page += [BLANK, *_set(entry, label, width)]
     if found.removable is not None:
@@ -234,9 +233,7 @@ def _parameters(
     return replace(tests, shown=shown)
 
 
-def _pairs(
-    found: ParameterTests, label: Callable[[Label], str], width: int, limit: float
-) -> list[Block]:
+def _pairs(found: ParameterTests, label: Callable[[Label], str], width: int) -> list[Block]:
     if not found.pairs:
         return []
     lines = []
@@ -246,7 +243,7 @@ def _pairs(
         lines.append(
             both + verdict_cells(pair.verdict.decisive) + correlation + _marked(pair.verdict)
         )
-    head = _head(f"PAIRS correlated from {limit:g}", width, "       rho")
+    head = _head(f"PAIRS correlated from {CORRELATED:g}", width, "       rho")
     return [BLANK, head, Listed(tuple(lines), _MOST)]
 
 
@@ -441,7 +438,7 @@ def _json(found: BlockHypotheses) -> Json:
     return {
         "alpha": found.settings.alpha,
         "power": found.settings.power,
-        "correlated": found.settings.correlated,
+        "correlated": CORRELATED,
         "additional": None if found.additional is None else _additional_json(found.additional),
         "check": None if found.check is None else _check_json(found.check),
         "control": None if found.control is None else _control_json(found.control),

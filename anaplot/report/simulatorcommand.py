@@ -35,23 +35,13 @@ _HELP = (
 )
 
 
-def grid_photographs(base: float = 92.0, step: float = 20.0, half: float = 100.0) -> Photographs:
+def grid_photographs() -> Photographs:
     """Return two photographs with a grid of true points, for a simulated plotter without truth.
 
-    Parameters
-    ----------
-    base
-        x-parallax of all points [mm].
-    step
-        Between points [mm].
-    half
-        Half the width of a plate [mm].
-
-    Returns
-    -------
-    Photographs
-        Photos "left" and "right" with points named by column and row.
+    Photos "left" and "right", 200 mm wide, with points 20 mm apart, named by column and row, of an
+    x-parallax of 92 mm.
     """
+    base, step, half = 92.0, 20.0, 100.0
     left: dict[str, tuple[float, float]] = {}
     right: dict[str, tuple[float, float]] = {}
     count = int(half // step)

@@ -733,7 +733,7 @@ def _moved(row, by):
 
 
 def test_settings_and_variance() -> None:
-    for bad in ({"alpha": 0.0}, {"alpha": 0.9}, {"power": 1.0}, {"correlated": 1.0}):
+    for bad in ({"alpha": 0.0}, {"alpha": 0.9}, {"power": 1.0}):
         with pytest.raises(ValueError, match="must lie"):
             HypothesisSettings(**bad)
     tau = VarianceFactor(30.0, 20, False)

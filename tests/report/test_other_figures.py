@@ -55,7 +55,7 @@ def epoch(seed: int, moved: Mapping[str, tuple[float, float, float]] | None = No
 def test_the_figure_of_ten_points_has_the_transfers_of_1983() -> None:
     """Figure 7a: L1 to L2 in y -.339 at r .258, of three pairs critical or serious."""
     solution = planned_pattern("10/5", base=90.0, d=99.0, c=150.0).result.solution
-    drawing = model_figure(solution, solution.tested.transfers(), planned=True)
+    drawing = model_figure(solution, solution.tested.transfers())
     assert drawing is not None
     root = sound(drawing)
     shown = texts(root)
@@ -128,7 +128,7 @@ def test_displacements_and_their_ellipses_are_drawn_to_one_scale(compared: Epoch
 
 def test_plans_are_drawn_without_flags() -> None:
     block = planned_block(strips=2, photos=4).result.block
-    drawing = block_map(block, planned=True, title="Planned block")
+    drawing = block_map(block, planned=True)
     root = sound(drawing)
     assert "flagged" not in " ".join(texts(root))
     assert drawing.description.startswith("Planned block")

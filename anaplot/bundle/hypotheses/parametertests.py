@@ -27,7 +27,12 @@ from anaplot.adjustment.hypothesis import (
     variance_inflation,
 )
 from anaplot.aliases import Array
-from anaplot.bundle.hypotheses.verdict import HypothesisSettings, VarianceFactor, Verdict
+from anaplot.bundle.hypotheses.verdict import (
+    CORRELATED,
+    HypothesisSettings,
+    VarianceFactor,
+    Verdict,
+)
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.crosscofactors import own_parameter_cofactors
 
@@ -375,7 +380,7 @@ def _pairs(
     for family in families:
         rho = _correlations(family.q)
         t = family.z / np.sqrt(np.diag(family.q))
-        for i, j in np.argwhere(np.triu(np.abs(rho) >= settings.correlated, 1)).tolist():
+        for i, j in np.argwhere(np.triu(np.abs(rho) >= CORRELATED, 1)).tolist():
             r = float(rho[i, j])
             if not 1.0 - r * r > 0.0:
                 continue  # the same parameter twice; the remark on rank says so
@@ -393,7 +398,7 @@ def _sets(
     """Parameters that hang together by correlations beyond the limit."""
     found: list[tuple[_Family, list[int]]] = []
     for family in families:
-        linked = np.abs(_correlations(family.q)) >= settings.correlated
+        linked = np.abs(_correlations(family.q)) >= CORRELATED
         graph = sparse.csr_matrix(linked.astype(np.float64))
         count, of = connected_components(graph, directed=False)
         sets = [np.nonzero(of == k)[0].tolist() for k in range(count)]

@@ -10,7 +10,10 @@ from anaplot.adjustment.hypothesis import FTest, f_noncentrality, f_test
 from anaplot.adjustment.tested import sigma0_known
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 
-__all__ = ["HypothesisSettings", "VarianceFactor", "Verdict"]
+__all__ = ["CORRELATED", "HypothesisSettings", "VarianceFactor", "Verdict"]
+
+CORRELATED = 0.7
+"""Correlation from which on parameters are tested in pairs and taken apart as sets."""
 
 _ROUNDING = 1e-6  # sigma0 below which residuals are rounding, not measurement
 
@@ -25,26 +28,21 @@ class HypothesisSettings:
         Significance of every global test, and of each family of single tests together.
     power
         Power that smallest detectable deviations refer to.
-    correlated
-        Correlation from which on parameters are tested in pairs and taken apart as sets.
 
     Raises
     ------
     ValueError
-        Not 0 < alpha < power < 1, or a limit outside (0, 1).
+        Not 0 < alpha < power < 1.
     """
 
     alpha: float = 0.05
     power: float = 0.80
-    correlated: float = 0.7
 
     def __post_init__(self) -> None:
         if not 0.0 < self.alpha < self.power < 1.0:
             raise ValueError(
                 f"significance {self.alpha} must lie above 0 and below the power {self.power} < 1"
             )
-        if not 0.0 < self.correlated < 1.0:
-            raise ValueError(f"the limit {self.correlated} must lie between 0 and 1")
 
 
 class Verdict(NamedTuple):

@@ -120,12 +120,7 @@ def undetermined(
     return LeftOpenError(text, state)
 
 
-def held_by_noise(
-    problem: Problem,
-    structure: Structure,
-    state: BlockState,
-    solved: Solved | None = None,
-) -> str | None:
+def held_by_noise(problem: Problem, structure: Structure, state: BlockState) -> str | None:
     """Return the remark on photos that are determined by measuring errors alone.
 
     Parameters
@@ -134,8 +129,6 @@ def held_by_noise(
         The bundle.
     state
         Where photos lie about where they should.
-    solved
-        The equations there without damping, and their factor, where they are known.
 
     Returns
     -------
@@ -143,7 +136,7 @@ def held_by_noise(
         As `undetermined` says it; None where more than errors holds every photo, or where the
         photos in question are far from their rays: of such a state nothing can be said.
     """
-    return _looked_at(problem, structure, state, solved).remark
+    return _looked_at(problem, structure, state, None).remark
 
 
 def held_by_noise_at(

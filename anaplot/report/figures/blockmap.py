@@ -97,9 +97,7 @@ def draw_control(
     return places[order], [found.names[k] for k in order.tolist()]
 
 
-def block_map(
-    block: AdjustedBlock, *, key: str = "block-map", title: str | None = None, planned: bool = False
-) -> Drawing:
+def block_map(block: AdjustedBlock, *, planned: bool = False) -> Drawing:
     """Return the map of an adjusted or planned block.
 
     Photos with their footprints and strips, points by the mean redundancy number of their image
@@ -110,14 +108,11 @@ def block_map(
     ----------
     block
         The adjusted block; a planned one likewise.
-    key, title
-        Of the drawing; None: "Block", or "Planned photos and points".
     planned
         Whether nothing was measured: nothing is flagged then.
     """
     view = ground_view(block)
-    if title is None:
-        title = "Planned photos and points" if planned else "Block"
+    title = "Planned photos and points" if planned else "Block"
     problem = block.problem
     flagged = np.zeros(len(problem.points), dtype=bool) if planned else flagged_points(block)
     ellipses = _ellipses(view)
@@ -130,12 +125,12 @@ def block_map(
     )
     corners = view.footprints[view.whole].reshape(-1, 2)
     # exaggeration goes by the scale of the drawing, its remark is no longer than two lines
-    frame = view.frame(Head(key, title, "x"), view.centres, corners)
+    frame = view.frame(Head("block-map", title, "x"), view.centres, corners)
     times, drawn = _exaggeration(ellipses, frame)
     remark = counts
     if times:
         remark += f". Error ellipses {written(times, 0)} times enlarged, one standard deviation"
-    head = Head(key, title, f"{remark}.")
+    head = Head("block-map", title, f"{remark}.")
     plot = Plot(head, view.frame(head, view.centres, corners))
     plot.axes(*view.titles, grid=False)
     _draw_photos(plot, view)

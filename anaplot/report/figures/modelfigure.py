@@ -96,7 +96,6 @@ def model_figure(
     *,
     key: str = "model",
     unit: str = "µm",
-    planned: bool = False,
 ) -> Drawing | None:
     """Return the figure of a model; None where none of its points has a place.
 
@@ -115,8 +114,6 @@ def model_figure(
         Of the drawing.
     unit
         Of sigma0, as `image_units` has it.
-    planned
-        Whether nothing was measured: there is no sigma0 then.
     """
     points, at = _points(model)
     if not points:
@@ -126,8 +123,6 @@ def model_figure(
     weakest = min(points, key=lambda point: point.weakest)
     sigma0 = "no redundancy" if model.sigma0_um is None else f"sigma0 {model.sigma0_um:.2f} {unit}"
     critical = sum(one.critical for one in every)
-    if planned:
-        sigma0 = "planned"
     numbers = (
         f"{counted(len(points), 'point')}, {sigma0}, redundancy {model.redundancy}; smallest r "
         f"{weakest.weakest:.2f} at point {weakest.name}; {counted(critical, 'critical transfer')}"

@@ -16,7 +16,7 @@ __all__ = ["photo_redundancy"]
 _MOST = 24
 
 
-def photo_redundancy(block: AdjustedBlock, *, key: str = "photo-redundancy") -> Drawing | None:
+def photo_redundancy(block: AdjustedBlock) -> Drawing | None:
     """Return the mean redundancy numbers of the photos' image coordinates, the weakest first.
 
     None where no image coordinate counts.
@@ -41,7 +41,7 @@ def photo_redundancy(block: AdjustedBlock, *, key: str = "photo-redundancy") -> 
     if len(order) < len(there):
         notes = (f"The {len(order)} weakest of {len(there)} photos are drawn.",)
     return bars(
-        Head(key, title, f"{numbers}."),
+        Head("photo-redundancy", title, f"{numbers}."),
         names,
         r[order],
         f"{title}: {numbers}.",

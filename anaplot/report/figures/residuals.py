@@ -85,7 +85,7 @@ def _format(camera: Camera, xy: Array, of_mm: float) -> Array:
     return np.array([low, (high[0], low[1]), high, (low[0], high[1])])
 
 
-def photo_residuals(block: AdjustedBlock, photo: str, *, key: str | None = None) -> Drawing | None:
+def photo_residuals(block: AdjustedBlock, photo: str) -> Drawing | None:
     """Return the residual vectors of a photo; None where none of its rays counts.
 
     Parameters
@@ -94,8 +94,6 @@ def photo_residuals(block: AdjustedBlock, photo: str, *, key: str | None = None)
         The adjusted block.
     photo
         Name of the photo.
-    key
-        Of the drawing; None: "residuals-" with the photo's place in the block, from 1.
 
     Raises
     ------
@@ -123,7 +121,7 @@ def photo_residuals(block: AdjustedBlock, photo: str, *, key: str | None = None)
         f"{counted(len(v), 'ray')}, root mean square x {rms[0]:.1f}, y {rms[1]:.1f} "
         f"{units.small}; largest {length[worst]:.1f} {units.small} at point {name}"
     )
-    head = Head(key or f"residuals-{at + 1}", title, f"{numbers}. Adjusted minus observed.")
+    head = Head(f"residuals-{at + 1}", title, f"{numbers}. Adjusted minus observed.")
     plot = Plot(head, equal_frame(head.bottom, corners, margin=0.06))
     plot.axes(f"x [{units.large}]", f"y [{units.large}]")
     plot.areas(corners[None], "line l-soft")
