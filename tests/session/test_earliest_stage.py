@@ -8,6 +8,7 @@ from math import sqrt
 from pathlib import Path
 
 import pytest
+from blockmistakes import plant_in_block
 from plotterscene import Workplace
 from transferscene import BlockBench, marked
 
@@ -20,7 +21,6 @@ from anaplot.planning.syntheticblock import synthetic_block
 from anaplot.planning.syntheticcamera import with_calibration
 from anaplot.report.democommand import demo_document
 from anaplot.simulation.automatic import AutomaticOperator
-from anaplot.simulation.blockmistakes import plant_in_block
 from anaplot.simulation.demo import judge, rough
 from anaplot.simulation.instrument import SimulationSetup
 from anaplot.simulation.laidplates import random_placements
