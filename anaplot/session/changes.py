@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Literal, NamedTuple
@@ -43,7 +43,7 @@ from anaplot.session.models import (
 from anaplot.session.modelstate import ModelState
 from anaplot.session.state import HISTORY, SessionState, apply, start
 
-__all__ = ["AcceptedInner", "Change", "ChangeKind", "ChangeLog", "Happened", "Sizes", "changes"]
+__all__ = ["AcceptedInner", "Change", "ChangeKind", "ChangeLog", "Happened", "Sizes"]
 
 ChangeKind = Literal[
     "measured",
@@ -182,27 +182,6 @@ class AcceptedInner(NamedTuple):
     who: str
     model: str
     inner: InnerState
-
-
-def changes(block: Block, history: Iterable[Happened]) -> tuple[Change, ...]:
-    """Return what changed, in order.
-
-    Parameters
-    ----------
-    block
-        As it was declared when the journal was begun.
-    history
-        The journal's events.
-
-    Raises
-    ------
-    EventRefusedError
-        An event that does not fit what happened before it.
-    """
-    log = ChangeLog(block)
-    for happened in history:
-        log.add(happened)
-    return log.changes
 
 
 class ChangeLog:

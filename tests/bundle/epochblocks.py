@@ -8,8 +8,15 @@ from functools import lru_cache
 import numpy as np
 from bundleblocks import aerial, make_scene
 
+from anaplot.bundle.epochs.displacements import compare_series
+from anaplot.bundle.epochs.series import EpochDifferences
 from anaplot.exchange.blockfolder import write_new_block
-from anaplot.photogrammetry.block import ControlPoint
+from anaplot.photogrammetry.block import Block, ControlPoint
+
+
+def compare_epochs(first: Block, second: Block, **options) -> EpochDifferences:
+    """Two epochs, compared as `compare_series` does it."""
+    return compare_series((first, second), **options).as_two()
 
 
 @lru_cache(maxsize=1)

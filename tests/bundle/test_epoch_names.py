@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from epochblocks import epoch, stable_names
+from epochblocks import compare_epochs, epoch, stable_names
 
 from anaplot.bundle.epochs.common import stable_points
-from anaplot.bundle.epochs.displacements import compare_epochs, compare_series
+from anaplot.bundle.epochs.displacements import compare_series
 from anaplot.bundle.epochs.displacementtests import epoch_tests
 from anaplot.bundle.epochs.moves import chosen_points
 from anaplot.bundle.epochs.seriestests import series_tests

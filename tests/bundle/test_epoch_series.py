@@ -12,14 +12,14 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from bundleblocks import make_scene
-from epochblocks import epoch, heights_only, layout, rescaled, stable_names, written
+from epochblocks import compare_epochs, epoch, heights_only, layout, rescaled, stable_names, written
 from scipy.optimize import least_squares
 from wild import text_of, wild, words
 
 import anaplot
 from anaplot.adjustment.hypothesis import f_power
 from anaplot.bundle.epochs.common import stable_points
-from anaplot.bundle.epochs.displacements import compare_epochs, compare_series
+from anaplot.bundle.epochs.displacements import compare_series
 from anaplot.bundle.epochs.displacementtests import epoch_tests, pair_tests
 from anaplot.bundle.epochs.moves import chosen_points
 from anaplot.bundle.epochs.seriestests import series_tests

@@ -9,12 +9,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from epochblocks import epoch, heights_only, layout, rescaled, stable_names, written
+from epochblocks import compare_epochs, epoch, heights_only, layout, rescaled, stable_names, written
 from wild import text_of, wild, words
 
 from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.epochs.common import common_control
-from anaplot.bundle.epochs.displacements import compare_epochs
 from anaplot.bundle.epochs.displacementtests import epoch_tests
 from anaplot.bundle.epochs.joint import adjust_jointly, joint_block
 from anaplot.bundle.epochs.variances import doubtful_epochs

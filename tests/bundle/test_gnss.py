@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from epochblocks import compare_epochs
 from gnssblocks import Dense, flown
 
 from anaplot.bundle.adjust import adjust_block, adjust_problem
-from anaplot.bundle.epochs.displacements import compare_epochs
 from anaplot.bundle.errors.grosserrors import block_gross_errors
 from anaplot.bundle.hypotheses import offsetadvice
 from anaplot.bundle.hypotheses.offsetadvice import offset_advice

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from epochblocks import epoch, heights_only, written
+from epochblocks import compare_epochs, epoch, heights_only, written
 
-from anaplot.bundle.epochs.displacements import compare_epochs, compare_series
+from anaplot.bundle.epochs.displacements import compare_series
 from anaplot.bundle.epochs.displacementtests import epoch_tests
 from anaplot.bundle.epochs.seriestests import series_tests
 from anaplot.cli import main

@@ -8,9 +8,9 @@ from functools import cache
 import numpy as np
 import pytest
 from bundleblocks import Scene, cube
+from epochblocks import compare_epochs
 
 from anaplot.bundle.adjust import adjust_block
-from anaplot.bundle.epochs.displacements import compare_epochs
 from anaplot.bundle.hypotheses.checktests import check_tests
 from anaplot.bundle.hypotheses.controltests import control_tests
 from anaplot.bundle.hypotheses.verdict import HypothesisSettings

@@ -6,10 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from epochblocks import epoch, stable_names
+from epochblocks import compare_epochs, epoch, stable_names
 
 from anaplot.adjustment.hypothesis import f_test
-from anaplot.bundle.epochs.displacements import compare_epochs
 from anaplot.bundle.epochs.displacementtests import epoch_tests
 from anaplot.bundle.epochs.located import free_one_by_one
 

@@ -13,7 +13,7 @@ from svgs import SVG, paths, runs, sound, texts
 
 from anaplot.adjustment.hypothesis import critical_f
 from anaplot.bundle.adjust import adjust_block
-from anaplot.bundle.epochs.displacements import compare_epochs
+from anaplot.bundle.epochs.displacements import compare_series
 from anaplot.bundle.epochs.displacementtests import EpochTests, epoch_tests
 from anaplot.bundle.solve.additional import additional_parameters
 from anaplot.photogrammetry.block import Block
@@ -91,7 +91,8 @@ def test_a_flagged_point_is_ringed_and_bad() -> None:
 @pytest.fixture(scope="module")
 def compared() -> EpochTests:
     moved = {"03-02": (0.5, -0.3, 0.0), "03-03": (0.0, 0.0, -2.0)}
-    return epoch_tests(compare_epochs(epoch(1), epoch(2, moved=moved)), alpha=0.05)
+    found = compare_series((epoch(1), epoch(2, moved=moved))).as_two()
+    return epoch_tests(found, alpha=0.05)
 
 
 def test_displacements_and_their_ellipses_are_drawn_to_one_scale(compared: EpochTests) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from anaplot.errors import AnaplotError
 from anaplot.photogrammetry.block import Block
 from anaplot.photogrammetry.readings import InPosition, Position, Record
-from anaplot.session.changes import Change, Happened, changes
+from anaplot.session.changes import Change, ChangeLog, Happened
 from anaplot.session.commanding import decide
 from anaplot.session.commands import Accept, Command, Drive, NextModel
 from anaplot.session.desk import Desk
@@ -20,7 +21,7 @@ from anaplot.session.hearing import hear
 from anaplot.session.requests import DriveTo, Request, SetMark, Tell
 from anaplot.session.state import fold, start
 
-__all__ = ["DRIVEN", "DRIVEN_MONO", "MONO", "UNDRIVEN", "Bench", "refusal", "told"]
+__all__ = ["DRIVEN", "DRIVEN_MONO", "MONO", "UNDRIVEN", "Bench", "changes", "refusal", "told"]
 
 DRIVEN = Abilities()
 UNDRIVEN = Abilities(drives=False, moves=False)
@@ -139,6 +140,14 @@ def refusal(desk: Desk, command: Command, seen: Seen) -> str | None:
     except AnaplotError as error:
         refused = error
     return None if refused is None else str(refused)
+
+
+def changes(block: Block, history: Iterable[Happened]) -> tuple[Change, ...]:
+    """What changed, in order."""
+    log = ChangeLog(block)
+    for happened in history:
+        log.add(happened)
+    return log.changes
 
 
 def told(bench: Bench) -> tuple[Change, ...]:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from deskscene import DRIVEN, MONO, Bench, told
+from deskscene import DRIVEN, MONO, Bench, changes, told
 from innerscene import InnerScene
 from orientedforw import models_of_w
 from sessionscene import Scene
 
 from anaplot.exchange.journal import event_of, read_journal
-from anaplot.session.changes import Change, Happened, Sizes, changes
+from anaplot.session.changes import Change, Happened, Sizes
 from anaplot.session.commands import (
     Accept,
     KeepCounters,

@@ -6,13 +6,13 @@ from dataclasses import replace
 from math import hypot
 
 import pytest
-from deskscene import DRIVEN, DRIVEN_MONO, MONO, UNDRIVEN, Bench
+from deskscene import DRIVEN, DRIVEN_MONO, MONO, UNDRIVEN, Bench, changes
 from innerscene import InnerScene
 from sessionscene import Scene
 
 from anaplot.errors import InputError
 from anaplot.photogrammetry.readings import Position, Record
-from anaplot.session.changes import Happened, changes
+from anaplot.session.changes import Happened
 from anaplot.session.commands import Drive, NextModel, PointAgain, Stop, Undo
 from anaplot.session.events import Place, PointRepeated
 from anaplot.session.requests import DriveTo

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import pytest
-from deskscene import DRIVEN, DRIVEN_MONO, Bench, told
+from deskscene import DRIVEN, DRIVEN_MONO, Bench, changes, told
 from innerscene import InnerScene
 from sessionscene import Scene
 
 from anaplot.errors import InputError
-from anaplot.session.changes import Happened, changes
+from anaplot.session.changes import Happened
 from anaplot.session.commands import Accept, GiveReason, NextModel, Suspend, Switch, Undo
 from anaplot.session.events import Event, FiducialSwitched, ReasonGiven, Undone
 from anaplot.session.reasons import REASONS, LastChange

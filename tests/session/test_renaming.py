@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from deskscene import DRIVEN, MONO, Bench
+from deskscene import DRIVEN, MONO, Bench, changes
 from journaltools import append_event
 from sessionscene import Scene
 from test_changes import told
@@ -23,7 +23,7 @@ from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import read_block, write_image_points, write_new_block
 from anaplot.exchange.journal import Journal
 from anaplot.session.accidents import Accident
-from anaplot.session.changes import Happened, changes
+from anaplot.session.changes import Happened
 from anaplot.session.commands import (
     Accept,
     Drive,

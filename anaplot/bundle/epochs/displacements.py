@@ -30,7 +30,7 @@ from anaplot.bundle.epochs.expected import expected_movements
 from anaplot.bundle.epochs.heldcontrol import control_agreement
 from anaplot.bundle.epochs.joint import adjust_jointly, joint_displacements
 from anaplot.bundle.epochs.moves import Move, chosen_points, moves_of
-from anaplot.bundle.epochs.series import EpochDifferences, EpochSeries
+from anaplot.bundle.epochs.series import EpochSeries
 from anaplot.bundle.solve.additional import AdditionalParameters
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.datum import on_control
@@ -40,45 +40,7 @@ from anaplot.photogrammetry.block import Block
 from anaplot.photogrammetry.givenmovement import GivenMovement
 from anaplot.photogrammetry.imagepoints import columns_of
 
-__all__ = ["compare_epochs", "compare_series"]
-
-
-def compare_epochs(
-    first: Block,
-    second: Block,
-    *,
-    separate: bool = False,
-    additional: AdditionalParameters | None = None,
-    common_parameters: bool | None = None,
-    stable: Sequence[str] = (),
-    points: Sequence[str] = (),
-    given: Sequence[GivenMovement] = (),
-    progress: Progress | None = None,
-) -> EpochDifferences:
-    """Adjust two epochs and compute the displacements with their covariance matrix.
-
-    Parameters
-    ----------
-    first, second
-        The blocks.
-    separate, additional, common_parameters, stable, points, given, progress
-        As `compare_series` has them.
-
-    Raises
-    ------
-    InputError, NotComputableError
-        As `compare_series`.
-    """
-    return compare_series(
-        (first, second),
-        separate=separate,
-        additional=additional,
-        common_parameters=common_parameters,
-        stable=stable,
-        points=points,
-        given=given,
-        progress=progress,
-    ).as_two()
+__all__ = ["compare_series"]
 
 
 def compare_series(
