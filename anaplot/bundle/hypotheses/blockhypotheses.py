@@ -8,7 +8,7 @@ from anaplot.bundle.hypotheses.checktests import CheckTests, check_tests
 from anaplot.bundle.hypotheses.conditiontests import ConditionTests, condition_tests
 from anaplot.bundle.hypotheses.controltests import ControlTests, control_tests
 from anaplot.bundle.hypotheses.parametertests import ParameterTests, parameter_tests
-from anaplot.bundle.hypotheses.verdict import HypothesisSettings
+from anaplot.bundle.hypotheses.verdict import USUAL, HypothesisSettings
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 
 __all__ = ["BlockHypotheses", "block_hypotheses"]
@@ -21,7 +21,7 @@ class BlockHypotheses:
     Attributes
     ----------
     settings
-        Significance, power, limit of correlation.
+        Significance and power.
     additional, check, control
         The tests of additional parameters, of check points and of control.
     conditions
@@ -35,11 +35,8 @@ class BlockHypotheses:
     conditions: ConditionTests | None = None
 
 
-def block_hypotheses(
-    block: AdjustedBlock, settings: HypothesisSettings | None = None
-) -> BlockHypotheses:
+def block_hypotheses(block: AdjustedBlock, settings: HypothesisSettings = USUAL) -> BlockHypotheses:
     """Test the hypotheses of Gruen 1978, section D, that one block allows."""
-    settings = settings or HypothesisSettings()
     return BlockHypotheses(
         settings,
         parameter_tests(block, settings),

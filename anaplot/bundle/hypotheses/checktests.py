@@ -12,7 +12,7 @@ import numpy as np
 from anaplot.adjustment.hypothesis import DependentConditionsError, quadratic_form, sidak_alpha
 from anaplot.aliases import Array
 from anaplot.bundle.hypotheses.givenparts import PartTest, parts_of
-from anaplot.bundle.hypotheses.verdict import HypothesisSettings, VarianceFactor, Verdict
+from anaplot.bundle.hypotheses.verdict import USUAL, HypothesisSettings, VarianceFactor, Verdict
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.crosscofactors import coordinate_cofactors
 from anaplot.bundle.solve.problem import listed
@@ -156,9 +156,7 @@ class _Differences(NamedTuple):
     q: Array
 
 
-def check_tests(
-    block: AdjustedBlock, settings: HypothesisSettings | None = None
-) -> CheckTests | None:
+def check_tests(block: AdjustedBlock, settings: HypothesisSettings = USUAL) -> CheckTests | None:
     """Test adjusted against given coordinates of the check points; None when there are none.
 
     The covariance of a difference is that of the adjusted coordinate plus that of the given one:
@@ -166,7 +164,6 @@ def check_tests(
     factor of control where that was estimated: check points are control that is held back. Only
     with datum "control": other datums do not lie in the system of the check points.
     """
-    settings = settings or HypothesisSettings()
     problem = block.problem
     wanted = [
         (name, axis, value)

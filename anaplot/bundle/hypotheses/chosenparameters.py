@@ -32,7 +32,7 @@ from anaplot.adjustment.hypothesis import bonferroni_alpha, f_power, removable, 
 from anaplot.aliases import Array, Index, Progress
 from anaplot.bundle.adjust import calibrated
 from anaplot.bundle.hypotheses.parametertests import ParameterTests, parameter_tests
-from anaplot.bundle.hypotheses.verdict import HypothesisSettings, VarianceFactor, Verdict
+from anaplot.bundle.hypotheses.verdict import USUAL, HypothesisSettings, VarianceFactor, Verdict
 from anaplot.bundle.solve.additional import AdditionalParameters
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.imaging import with_additional
@@ -149,7 +149,7 @@ class ChosenParameters:
 def choose_parameters(
     without: AdjustedBlock,
     sets: Sequence[AdditionalParameters],
-    settings: HypothesisSettings | None = None,
+    settings: HypothesisSettings = USUAL,
     *,
     progress: Progress | None = None,
 ) -> ChosenParameters:
@@ -171,7 +171,6 @@ def choose_parameters(
     ValueError
         No set, sets of several scopes, or one for every photo.
     """
-    settings = settings or HypothesisSettings()
     scopes = {one.scope for one in sets}
     if len(scopes) != 1 or "photo" in scopes:
         raise ValueError("sets of one scope, block, strip or camera")

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from anaplot.adjustment.hypothesis import DependentConditionsError, quadratic_form, sidak_alpha
-from anaplot.bundle.hypotheses.verdict import HypothesisSettings, VarianceFactor, Verdict
+from anaplot.bundle.hypotheses.verdict import USUAL, HypothesisSettings, VarianceFactor, Verdict
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.comparedconditions import checked_conditions
 
@@ -72,10 +72,9 @@ class ConditionTests:
 
 
 def condition_tests(
-    block: AdjustedBlock, settings: HypothesisSettings | None = None
+    block: AdjustedBlock, settings: HypothesisSettings = USUAL
 ) -> ConditionTests | None:
     """Test the conditions with `use` = check; None without any, or where lengths mean nothing."""
-    settings = settings or HypothesisSettings()
     found = checked_conditions(block)
     if found is None:
         return None

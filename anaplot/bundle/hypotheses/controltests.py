@@ -34,7 +34,7 @@ from anaplot.adjustment.hypothesis import bonferroni_alpha
 from anaplot.adjustment.significance import TESTABLE
 from anaplot.aliases import Array, Bools, Index
 from anaplot.bundle.hypotheses.givenparts import PartTest, parts_of
-from anaplot.bundle.hypotheses.verdict import HypothesisSettings, VarianceFactor, Verdict
+from anaplot.bundle.hypotheses.verdict import USUAL, HypothesisSettings, VarianceFactor, Verdict
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.crosscofactors import coordinate_cofactors
 from anaplot.bundle.solve.imaging import imaged_with_derivatives
@@ -179,7 +179,7 @@ class _Control(NamedTuple):
 
 
 def control_tests(
-    block: AdjustedBlock, settings: HypothesisSettings | None = None
+    block: AdjustedBlock, settings: HypothesisSettings = USUAL
 ) -> ControlTests | None:
     """Test the given coordinates of control points; None when there are none.
 
@@ -187,7 +187,6 @@ def control_tests(
     they say more than a change of datum. Single tests are Bonferroni's, for each leaves a variance
     factor of its own.
     """
-    settings = settings or HypothesisSettings()
     problem = block.problem
     if problem.datum != "control":
         return _network_tests(block, settings)

@@ -23,7 +23,7 @@ from scipy.sparse import csr_array, hstack
 
 from anaplot.adjustment.hypothesis import bonferroni_alpha
 from anaplot.aliases import Array
-from anaplot.bundle.hypotheses.verdict import HypothesisSettings, VarianceFactor, Verdict
+from anaplot.bundle.hypotheses.verdict import USUAL, HypothesisSettings, VarianceFactor, Verdict
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.crosscofactors import function_cofactors
 from anaplot.bundle.solve.givenprior import locate
@@ -139,9 +139,7 @@ class GivenTests:
         )
 
 
-def given_tests(
-    block: AdjustedBlock, settings: HypothesisSettings | None = None
-) -> GivenTests | None:
+def given_tests(block: AdjustedBlock, settings: HypothesisSettings = USUAL) -> GivenTests | None:
     """Test a prior that an earlier adjustment left; None without one.
 
     Parameters
@@ -154,7 +152,6 @@ def given_tests(
     prior = block.problem.given
     if prior is None:
         return _without_covariance(block.problem)
-    settings = settings or HypothesisSettings()
     equations = block.cofactors.normal.linear.given
     assert equations is not None  # of every block with a prior
     v = equations.misclosure

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from anaplot.adjustment.hypothesis import DependentConditionsError, quadratic_form, sidak_alpha
-from anaplot.bundle.hypotheses.verdict import HypothesisSettings, VarianceFactor, Verdict
+from anaplot.bundle.hypotheses.verdict import USUAL, HypothesisSettings, VarianceFactor, Verdict
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.laidoffsets import OffsetKind
 from anaplot.bundle.solve.rows import OffsetRow
@@ -80,14 +80,11 @@ def offset_rows(block: AdjustedBlock) -> list[OffsetRow]:
     ]
 
 
-def offset_tests(
-    block: AdjustedBlock, settings: HypothesisSettings | None = None
-) -> OffsetTests | None:
+def offset_tests(block: AdjustedBlock, settings: HypothesisSettings = USUAL) -> OffsetTests | None:
     """Test the offsets of stated positions and angles against zero; None when there are none.
 
     What is known of them beforehand counts as in the adjustment: as an observation of zero.
     """
-    settings = settings or HypothesisSettings()
     problem, cofactors = block.problem, block.cofactors.offsets
     rows, declared = offset_rows(block), problem.block.offsets
     if not rows or cofactors is None or problem.offsets is None or declared is None:

@@ -29,6 +29,7 @@ from anaplot.adjustment.hypothesis import (
 from anaplot.aliases import Array
 from anaplot.bundle.hypotheses.verdict import (
     CORRELATED,
+    USUAL,
     HypothesisSettings,
     VarianceFactor,
     Verdict,
@@ -195,14 +196,13 @@ class _Family(NamedTuple):
 
 
 def parameter_tests(
-    block: AdjustedBlock, settings: HypothesisSettings | None = None
+    block: AdjustedBlock, settings: HypothesisSettings = USUAL
 ) -> ParameterTests | None:
     """Test the additional parameters of a block against given values; None when it has none.
 
     Priors on the parameters count as what they are in the adjustment: observations of the given
     value, else of zero, with their a-priori standard deviation.
     """
-    settings = settings or HypothesisSettings()
     problem = block.problem
     if problem.additional is None or not block.parameter_rows():
         return None

@@ -10,7 +10,7 @@ from anaplot.adjustment.hypothesis import FTest, f_noncentrality, f_test
 from anaplot.adjustment.tested import sigma0_known
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 
-__all__ = ["CORRELATED", "HypothesisSettings", "VarianceFactor", "Verdict"]
+__all__ = ["CORRELATED", "USUAL", "HypothesisSettings", "VarianceFactor", "Verdict"]
 
 CORRELATED = 0.7
 """Correlation from which on parameters are tested in pairs and taken apart as sets."""
@@ -43,6 +43,10 @@ class HypothesisSettings:
             raise ValueError(
                 f"significance {self.alpha} must lie above 0 and below the power {self.power} < 1"
             )
+
+
+USUAL = HypothesisSettings()
+"""How hypotheses are tested where nothing else is asked for."""
 
 
 class Verdict(NamedTuple):
