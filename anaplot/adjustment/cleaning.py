@@ -266,7 +266,7 @@ class Cleaning(Generic[S, K, R]):
             near = None if at is None else begin.without_weight(at - held)
             found = self._pass(system, place, barred, held, near, draft=not passes)
             passes.append(found)
-            names = _names(system, held)
+            names = cast("Sequence[K]", system.names)  # the subject's own
             proposed = frozenset(names[row] for row in found.rows) | held
             # the same rows out are no circle where the weights began otherwise
             again = proposed in solved and (begin, proposed) in met
@@ -479,11 +479,6 @@ class Attempts(Generic[S, K, R]):
 def best_of(ends: Collection[CleaningEnd[S, K, R]]) -> CleaningEnd[S, K, R]:
     """Return the end of the smallest score, of equal ones the first."""
     return min(ends, key=lambda end: round(end.score, 6))
-
-
-def _names(system: ResidualSystem, like: frozenset[K]) -> Sequence[K]:
-    """Return the names of the rows, of the subject's own type."""
-    return cast("Sequence[K]", system.names)
 
 
 def _rows(system: ResidualSystem, names: frozenset[K]) -> list[int]:

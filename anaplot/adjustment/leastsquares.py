@@ -228,14 +228,11 @@ def adjust(
         raise ValueError("cofactors must be positive")
     root = np.sqrt(cofactors)
     rows = np.vstack((design.T, misclosure)) / root
-    return adjust_weighted(
-        rows, cofactors, root, unknowns=unknowns, condition_limit=condition_limit
-    )
+    return adjust_weighted(rows, root, unknowns=unknowns, condition_limit=condition_limit)
 
 
 def adjust_weighted(
     rows: Array,
-    cofactors: Array,
     root: Array,
     *,
     unknowns: Sequence[str],
@@ -248,8 +245,8 @@ def adjust_weighted(
     ----------
     rows
         (u + 1, n) transposed design and the values of the conditions.
-    cofactors, root
-        (n,) of the rows as they were before, and their roots.
+    root
+        (n,) what they are divided by.
     unknowns, condition_limit
         As in `adjust`.
     complete

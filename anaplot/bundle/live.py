@@ -182,7 +182,7 @@ class LiveBlock:
         value = objective(problem, state)[0]
         for _ in range(_CHORD_STEPS):
             # the last factor as it is: right to first order, and only the way to the minimum
-            trial = move(problem, state, *normal.step(factor, linearise(problem, state)))
+            trial = move(state, *normal.step(factor, linearise(problem, state)))
             trial_value = objective(problem, trial)[0]
             if not trial_value < value * (1.0 - 1e-12):
                 break

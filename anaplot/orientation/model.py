@@ -115,7 +115,7 @@ def orient(pair: Stereopair, precision: Precision, test: TestSettings) -> ModelS
     try:
         rows = _by_unknowns(conditions, solution.rows, state.bx, omega, phi)
         correlated = precision.tie_variance == "exact"
-        adjusted = adjust_weighted(rows, q_l, np.sqrt(q_l), unknowns=unknowns, complete=correlated)
+        adjusted = adjust_weighted(rows, np.sqrt(q_l), unknowns=unknowns, complete=correlated)
     except RankDefectError as error:
         if suspects:
             raise _hopeless(pair, precision, suspects) from error
@@ -132,7 +132,7 @@ def orient(pair: Stereopair, precision: Precision, test: TestSettings) -> ModelS
     exact = None
     if correlated:
         exact = exact_statistics(pair, conditions, solution, adjusted)
-    tested = _tested(pair, conditions, adjusted, exact, precision, test)
+    tested = _tested(conditions, adjusted, exact, precision, test)
     return ModelSolution(
         left=pair.left,
         right=pair.right,
@@ -307,7 +307,7 @@ def _not_found_error(
     if np.isfinite(rows).all():
         q_l = conditions.cofactors(start.bx)
         try:
-            adjust_weighted(rows, q_l, np.sqrt(q_l), unknowns=unknowns)
+            adjust_weighted(rows, np.sqrt(q_l), unknowns=unknowns)
         except RankDefectError as error:
             return _undetermined_error(pair, error)
     reason = "the solution does not converge"
@@ -336,7 +336,6 @@ def _by_unknowns(
 
 
 def _tested(
-    pair: Stereopair,
     conditions: ConditionEquations,
     adjusted: Adjustment,
     exact: ExactStatistics | None,

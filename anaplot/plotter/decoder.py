@@ -349,7 +349,7 @@ class Decoder:
         if record.kind == "record":
             # the number counts even when the record is refused for what it says
             switch = self._records.switch_of(record, match)
-            number = self._numbered(match, now)
+            number = self._numbered(match)
         self._records.check_faults(record, match)
         values = self._records.axis_values(record, match, link)
         if record.kind == "in-position":
@@ -394,7 +394,7 @@ class Decoder:
         self._values.update(values)
         return self._origin.place(tuple(values[name] for name in self._names))
 
-    def _numbered(self, match: re.Match[bytes], now: float) -> int | None:
+    def _numbered(self, match: re.Match[bytes]) -> int | None:
         """Return the device's own number; one that came before is refused, a gap is told."""
         number = self._records.number_of(match)
         if number is None:

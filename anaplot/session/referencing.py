@@ -86,13 +86,13 @@ def references(
         return (), ()
     if model.mono and model.laying != state.layings:
         return (), ()
-    needed = tuple(s for s in model.carriages if _matters(state, model, s, over=over))
+    needed = tuple(s for s in model.carriages if _matters(model, s, over=over))
     found = [*_points(state, model, needed), *_fiducials(model, needed)]
     found.sort(key=lambda reference: (reference.name in doubted, reference.name != last))
     return needed, tuple(found)
 
 
-def _matters(state: SessionState, model: ModelState, side: Side, *, over: bool) -> bool:
+def _matters(model: ModelState, side: Side, *, over: bool) -> bool:
     inner = model.inner_of(side)
     if inner is None:
         return True  # plate and image coordinates are one: the origin is all there is

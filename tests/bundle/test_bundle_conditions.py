@@ -430,11 +430,11 @@ def test_a_trial_step_into_a_state_without_meaning_is_damped(kind, points, monke
     names = points.split()
     met = []
 
-    def astray(problem, state, *corrections):
-        found = move(problem, state, *corrections)
+    def astray(state, *corrections):
+        found = move(state, *corrections)
         if met:
             return found
-        at = [problem.points.index(name) for name in names]
+        at = [expected.problem.points.index(name) for name in names]
         places = found.points.copy()
         places[at] = places[at[0]] + 0.5 * np.arange(len(at))[:, None] * (kind == "plane")
         met.append(replace(found, points=places))

@@ -96,8 +96,8 @@ def test_every_derivative_of_the_bundle_is_the_numerical_one(scope: str) -> None
     np.testing.assert_allclose(found.xy, imaged(problem, state).xy, atol=1e-12)
 
     def numerical(photos, points, shared, h: float):
-        up = imaged(problem, move(problem, state, h * photos, h * points, h * shared)).xy
-        down = imaged(problem, move(problem, state, -h * photos, -h * points, -h * shared)).xy
+        up = imaged(problem, move(state, h * photos, h * points, h * shared)).xy
+        down = imaged(problem, move(state, -h * photos, -h * points, -h * shared)).xy
         return (up - down) / (2.0 * h)
 
     def nothing():

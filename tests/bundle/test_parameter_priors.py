@@ -294,9 +294,7 @@ def test_derivatives_with_held_parameters_are_the_numerical_ones(scene, text: st
     photos = np.zeros((len(problem.photos), problem.per_photo))
     photos[:, 0] = 1e-2
     nothing = np.zeros_like(state.points), np.zeros_like(state.shared)
-    up, down = (
-        imaged(problem, move(problem, state, sign * photos, *nothing)).xy for sign in (1, -1)
-    )
+    up, down = (imaged(problem, move(state, sign * photos, *nothing)).xy for sign in (1, -1))
     np.testing.assert_allclose((up - down) / 2e-2, found.photo[:, :, 0], rtol=1e-5, atol=1e-7)
 
 

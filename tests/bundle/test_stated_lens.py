@@ -103,8 +103,7 @@ def test_every_derivative_is_the_numerical_one(also: str | None) -> None:
 
     def slope(photos, points, shared, h: float):
         up, down = (
-            imaged(problem, move(problem, state, s * photos, s * points, s * shared)).xy
-            for s in (h, -h)
+            imaged(problem, move(state, s * photos, s * points, s * shared)).xy for s in (h, -h)
         )
         return (up - down) / (2.0 * h)
 

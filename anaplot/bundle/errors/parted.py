@@ -154,7 +154,7 @@ class BlockParts:
         before, last = 0.0, False
         with suppress(NotSolvedError, np.linalg.LinAlgError):
             while True:
-                trial = rescaled(problem, move(problem, state, *step))
+                trial = rescaled(problem, move(state, *step))
                 linear = linearise(problem, trial)
                 above = not linear.vtpv <= value * (1.0 + _ROUNDING)
                 if above or int((linear.depth <= 0.0).sum()) > behind:

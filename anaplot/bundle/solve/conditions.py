@@ -258,7 +258,7 @@ class Conditions:
         for k, (one, at) in enumerate(zip(self.conditions, self.points, strict=True)):
             counts = ~self.rejected[self.of_row == k]
             raw = _MISCLOSURES[one.kind](one, points[at], counts, _APART * extent)
-            parts.append(_Part.of(one, raw, at, points[at], counts, len(points), fixed))
+            parts.append(_Part.of(one, raw, at, points[at], counts, fixed))
         misclosure = np.concatenate([part.misclosure for part in parts])
         sigma = np.concatenate([part.sigma for part in parts])
         contrasts = csr_array(block_diag([csr_array(part.contrasts) for part in parts]))
@@ -472,7 +472,6 @@ class _Part:
         at: Index,
         places: Array,
         counts: Bools,
-        points: int,
         fixed: Bools,
     ) -> _Part:
         n = len(raw.misclosure)

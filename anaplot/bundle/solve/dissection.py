@@ -103,7 +103,7 @@ def dissect(places: Array, indptr: Index, indices: Index, leaf: int = _LEAF) -> 
     order = np.concatenate(pieces) if pieces else np.arange(0)
     position = np.empty(n, dtype=np.intp)
     position[order] = np.arange(n)
-    return Dissection(order, position, _fronts(pieces, children, order, position, indptr, indices))
+    return Dissection(order, position, _fronts(pieces, children, position, indptr, indices))
 
 
 def _bisect(
@@ -155,7 +155,6 @@ def _neighbours(rows: Index, indptr: Index, indices: Index) -> tuple[Index, Inde
 def _fronts(
     pieces: list[Index],
     children: list[list[int]],
-    order: Index,
     position: Index,
     indptr: Index,
     indices: Index,

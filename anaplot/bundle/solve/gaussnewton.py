@@ -226,7 +226,7 @@ def find_minimum(
                 if there and _no_change(problem, step):
                     ended = Convergence(accepted, damped, first, value)
                     return Minimum(state, step.normal, step.factor, tie, ended)
-                trial = rescaled(problem, move(problem, state, *step.dx))
+                trial = rescaled(problem, move(state, *step.dx))
                 new_value, depth = objective(problem, trial)
                 done = step.change <= tolerance
                 if not done and not value - new_value > _STRAINED * step.change:
@@ -351,7 +351,7 @@ def _nearer(
             # what is left may be too little to be made less
             return place, steps, change <= left
         noise = rounding(problem, state, linear.depth)
-        trial = rescaled(problem, move(problem, state, *dx))
+        trial = rescaled(problem, move(state, *dx))
         del place, linear  # their memory, before there are others
         place = _place_at(problem, trial)
         if not (place.value <= value + _slack(value, noise) and place.behind <= behind):

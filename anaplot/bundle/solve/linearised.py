@@ -409,9 +409,7 @@ def _largest(values: Array) -> Array:
     return np.asarray(reduce(np.maximum, map(np.abs, values.T)))
 
 
-def move(
-    problem: Problem, state: BlockState, photos: Array, points: Array, shared: Array
-) -> BlockState:
+def move(state: BlockState, photos: Array, points: Array, shared: Array) -> BlockState:
     """Add corrections: (photos, d), (points, 3) and (g,)."""
     return BlockState(
         centres=state.centres + photos[:, :3],

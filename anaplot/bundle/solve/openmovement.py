@@ -405,7 +405,7 @@ class _Seen(NamedTuple):
 
     def moved(self, unknowns: Unknowns) -> Linearised:
         """Return its rows where the unknowns have moved."""
-        return linearise(self.problem, move(self.problem, self.state, *self.own(unknowns)))
+        return linearise(self.problem, move(self.state, *self.own(unknowns)))
 
 
 def _first_some(problem: Problem, state: BlockState) -> Iterator[_Seen]:
@@ -514,7 +514,7 @@ def _by_itself(
     for k in np.flatnonzero(turned > _TURNED).tolist():
         own, followed = found.at(k), min(1.0, _STEP / turned[k])
         photos, points, shared = (part[..., 0] * (followed * deviations[k]) for part in own)
-        there = linearise(problem, move(problem, state, photos, points, shared))
+        there = linearise(problem, move(state, photos, points, shared))
         now, then = (effects(problem, at, own)[0] for at in (normal.linear, there))
         change = _less(then, now)
         taken, sides = _taken_up(normal, factor, [change])

@@ -69,7 +69,7 @@ def _to_points(problem: Problem, state: BlockState) -> Array:
 def full_step(problem: Problem, structure: Structure, state: BlockState) -> BlockState | None:
     """Return where the step without damping leads; None where it cannot be solved for."""
     step = _full(problem, structure, state, linearise(problem, state))
-    return None if step is None else move(problem, state, *step.dx)
+    return None if step is None else move(state, *step.dx)
 
 
 def _full(

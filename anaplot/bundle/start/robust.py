@@ -384,7 +384,7 @@ def _robust(
         if step is None:
             damping *= 10.0
             continue
-        trial = move(soft, state, *step.dx)
+        trial = move(state, *step.dx)
         if objective(soft, trial)[0] <= linear.vtpv:
             state, damping = trial, damping * 0.3
             if one or step.change < enough * problem.observations:
