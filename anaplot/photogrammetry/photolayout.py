@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass
-from math import pi
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +16,7 @@ import numpy as np
 from anaplot.aliases import Array, Bools, Complex, Index
 from anaplot.photogrammetry.imagepoint import ImagePoint
 from anaplot.photogrammetry.imagepoints import columns_of
+from anaplot.photogrammetry.rotation import wrapped
 
 __all__ = ["LOOSE", "Overlap", "PhotoPlace", "laid_out", "overlap"]
 
@@ -280,7 +280,7 @@ def _placed(overlaps: _Overlaps, middle: Complex, spread: Array) -> dict[int, Ph
 
     start = np.array(list(angle.values()))
     misclosure = sign[i] * overlaps.angle - (start[j] - start[i])
-    turned = start + solved((misclosure + pi) % (2.0 * pi) - pi)
+    turned = start + solved(wrapped(misclosure))
     mean = overlaps.means + middle[photos[np.stack([i, j])]]
 
     def among(mean: Complex, k: Index) -> Complex:

@@ -12,7 +12,7 @@ Here is what a transformation is; where places lead by it, `anaplot.photogrammet
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import atan2, cos, hypot, pi, sin
+from math import atan2, cos, hypot, pi, remainder, sin, tau
 from typing import TYPE_CHECKING, Literal, NamedTuple, get_args
 
 from anaplot.aliases import Array
@@ -189,16 +189,6 @@ class PlateTransformation:
         """
         return self.form.to_plate(image)
 
-    def inverse_jacobian(self, image: Array) -> Array:
-        """Return (n, 2, 2) derivatives of `to_plate` at (n, 2) image coordinates [mm].
-
-        Raises
-        ------
-        NotComputableError
-            As `to_plate`.
-        """
-        return self.form.inverse_jacobian(image)
-
     def placement(self) -> Placement:
         """Return how the photograph lies on the plate, at the origin of the fiducial system.
 
@@ -214,7 +204,7 @@ class PlateTransformation:
         mirrored = ax * by - ay * bx < 0.0
         rotation, across = atan2(ay, ax), atan2(by, bx)
         opening = rotation - across if mirrored else across - rotation
-        shear = (opening - pi / 2 + pi) % (2.0 * pi) - pi
+        shear = remainder(opening - pi / 2, tau)
         return Placement(
             x, y, pi if rotation == -pi else rotation, shear, hypot(ax, ay), hypot(bx, by), mirrored
         )

@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from itertools import combinations, pairwise
-from math import degrees, hypot, pi
+from math import degrees, hypot, pi, remainder, tau
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
@@ -171,14 +171,9 @@ def wrong_photo(model: ModelState, base: float | None, earlier: Iterable[ModelSt
     return ""
 
 
-def _wrapped(angle: float) -> float:
-    """Return an angle between -pi and pi."""
-    return (angle + pi) % (2.0 * pi) - pi
-
-
 def _turned_by(angle: float) -> str:
     """Return by how much a photograph is turned, in words; "" for what is no accident."""
-    off = degrees(abs(_wrapped(angle)))
+    off = degrees(abs(remainder(angle, tau)))
     if off <= _TURNED:
         return ""
     # relief and tilts turn a photograph by some degrees against a quarter or half turn
@@ -492,7 +487,7 @@ def _turned(strips: Mapping[str, Order], laid: Mapping[str, PhotoPlace]) -> list
                 text = f"photo {photo} {words} against the others of strip {name}"
                 told.append(PhotoAccident(kind, (photo,), (name,), text))
             else:
-                most = max(most, abs(_wrapped(one.angle - usual)))
+                most = max(most, abs(remainder(one.angle - usual, tau)))
         if len(told) <= _DELIBERATE * len(here) and most < _AGREED:
             found += told
     return found
