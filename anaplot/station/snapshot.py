@@ -186,8 +186,6 @@ class Snapshot:
         The point or fiducial on which the mark is to be set then, or None.
     reopened
         Whether the current model is accepted already, and the operator returned to it.
-    parked
-        (left, right) of the model that waits meanwhile, or None.
     wanted
         The point that is to be measured again in it, or None.
     returning
@@ -246,7 +244,6 @@ class Snapshot:
     unreferenced: bool = False
     reference_point: str | None = None
     reopened: bool = False
-    parked: tuple[str, str] | None = None
     wanted: str | None = None
     returning: ReturnAdvice | None = None
     checks: tuple[str, ...] = ()
@@ -331,9 +328,6 @@ def snapshot_of(
         unreferenced=desk.referencing is not None,
         reference_point=None if desk.reference is None else desk.reference.name,
         reopened=state.returned is not None,
-        parked=None
-        if state.returned is None or state.returned.parked is None
-        else state.returned.parked.photos,
         wanted=None if state.returned is None else state.returned.point,
         returning=returning,
         checks=desk.checks,

@@ -57,7 +57,8 @@ def test_a_return_through_the_line(bench: Bench, tmp_path: Path) -> None:
     point = models[0].plan[-1].point
     station.return_to("101", "102", point)
     now = station.snapshot()
-    assert (now.left, now.right, now.reopened, now.parked) == ("101", "102", True, ("103", "104"))
+    assert (now.left, now.right, now.reopened) == ("101", "102", True)
+    assert station.state.returned.parked.photos == ("103", "104")
     assert station.instrument is not None
     assert station.instrument.simulator.laid == ("101", "102")  # type: ignore[attr-defined]
     checked(station, watch)
