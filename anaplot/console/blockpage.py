@@ -14,7 +14,7 @@ from textual.widgets import Static
 
 from anaplot.console.blockmapview import BlockMapView
 from anaplot.console.describe import Entry
-from anaplot.console.dialogs import Page, clickable
+from anaplot.console.dialogs import LINE, Page, clickable
 from anaplot.console.panels import entry_lines, said_line
 from anaplot.console.text import cell, fit, fit_end, number, wrap
 from anaplot.station.blockview import (
@@ -51,8 +51,6 @@ class BlockPage(Page):
         Called with left, right, point and photo when the operator returns to a model.
     report
         Called when the report is to be written, and the key for that as people write it.
-    width
-        Cells of a line.
     """
 
     HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (130, "-broad")]  # noqa: RUF012
@@ -85,9 +83,8 @@ class BlockPage(Page):
         snapshot: Snapshot,
         back: Callable[[str, str, str, str], None],
         report: tuple[Callable[[], None], str],
-        width: int,
     ) -> None:
-        self._snapshot, self._back, self._width = snapshot, back, width
+        self._snapshot, self._back = snapshot, back
         self._report, self._report_key = report
         self._chosen = ""
         super().__init__(TITLE, self._drawn())
@@ -163,13 +160,11 @@ class BlockPage(Page):
         return None
 
     def _drawn(self) -> list[Content]:
-        lines = block_page(
-            self._snapshot.block_view, self._width, self._at if self._points else None
-        )
+        lines = block_page(self._snapshot.block_view, LINE, self._at if self._points else None)
         there = self._target()
         if there is not None:
             words = f"Enter returns to model {there[0]}/{there[1]}, for point {there[2]}"
-            lines += [Content(""), *(Content(s) for s in wrap(plain(words), self._width))]
+            lines += [Content(""), *(Content(s) for s in wrap(plain(words), LINE))]
         return lines
 
     def action_select(self, step: int) -> None:
@@ -183,9 +178,7 @@ class BlockPage(Page):
         self.show(lines)
         self._show_map()
         marked = next(i for i, line in enumerate(lines) if line.plain.startswith(_HERE))
-        self.query_one(VerticalScroll).scroll_to_region(
-            Region(0, marked, self._width, 3), animate=False
-        )
+        self.query_one(VerticalScroll).scroll_to_region(Region(0, marked, LINE, 3), animate=False)
 
     def action_enter(self) -> None:
         """Return to the selected point's model, or close the page."""

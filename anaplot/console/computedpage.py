@@ -8,7 +8,7 @@ from typing import TypeVar
 from textual.content import Content
 
 from anaplot.console.beside import Beside
-from anaplot.console.dialogs import Page
+from anaplot.console.dialogs import LINE, Page
 from anaplot.console.text import wrap
 
 __all__ = ["ComputedPage"]
@@ -29,8 +29,6 @@ class ComputedPage(Page):
         Returns the result; called in a thread of its own.
     computed
         Shows the result.
-    width
-        Cells of a line.
     """
 
     def __init__(
@@ -39,10 +37,8 @@ class ComputedPage(Page):
         lines: list[Content],
         compute: Callable[[], Result],
         computed: Callable[[Result], None],
-        width: int,
     ) -> None:
         super().__init__(title, lines)
-        self._width = width
         self._beside = Beside(self, compute, computed, self._failed)
 
     def on_mount(self) -> None:
@@ -54,4 +50,4 @@ class ComputedPage(Page):
         self._beside.wanted()
 
     def _failed(self, words: str) -> None:
-        self.show([Content.styled(line, "$text-error") for line in wrap(words, self._width)])
+        self.show([Content.styled(line, "$text-error") for line in wrap(words, LINE)])

@@ -15,7 +15,10 @@ from textual.widgets import Input, Static
 
 from anaplot.textfiles.wording import plain
 
-__all__ = ["AskName", "AskWhether", "Page", "clickable"]
+__all__ = ["LINE", "AskName", "AskWhether", "Page", "clickable"]
+
+LINE = 72
+"""Cells of a line of a page."""
 
 _LONGEST_NAME = 40
 
@@ -160,8 +163,8 @@ class Page(ModalScreen[None]):
         Binding("pagedown", "page(1)", "Page down"),
     ]
 
-    def __init__(self, title: str, lines: list[Content], id: str | None = None) -> None:  # noqa: A002
-        super().__init__(id=id)
+    def __init__(self, title: str, lines: list[Content]) -> None:
+        super().__init__()
         self._title, self._lines = plain(title), lines
 
     def compose(self) -> ComposeResult:

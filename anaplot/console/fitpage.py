@@ -11,6 +11,7 @@ from textual.containers import VerticalScroll
 from textual.content import Content
 
 from anaplot.console.computedpage import ComputedPage
+from anaplot.console.dialogs import LINE
 from anaplot.console.text import cell, fit, fit_end, number, wrap
 
 if TYPE_CHECKING:
@@ -152,8 +153,6 @@ class FitPage(ComputedPage):
         Told what is chosen from now on.
     bundle
         Opens the block page.
-    width
-        Cells of a line.
     """
 
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -175,14 +174,12 @@ class FitPage(ComputedPage):
         compute: Callable[[FitChoice], tuple[StripOnControl, ...]],
         decided: Callable[[FitChoice], None],
         bundle: Callable[[], None],
-        width: int,
     ) -> None:
         super().__init__(
             "Strip on its control",
-            fit_lines(None, choice, "", width),
+            fit_lines(None, choice, "", LINE),
             lambda: compute(self._choice),
             self._computed,
-            width,
         )
         self._choice, self._decided, self._bundle = choice, decided, bundle
         self._strips: tuple[StripOnControl, ...] | None = None
@@ -201,7 +198,7 @@ class FitPage(ComputedPage):
         return () if one is None else tuple(p.point for p in shown_points(one, self._choice))
 
     def _draw(self) -> None:
-        self.show(fit_lines(self._strips, self._choice, self._cursor, self._width))
+        self.show(fit_lines(self._strips, self._choice, self._cursor, LINE))
 
     def _decide(self, choice: FitChoice) -> None:
         if choice != self._choice:
@@ -252,5 +249,5 @@ class FitPage(ComputedPage):
 
     @property
     def _first_row(self) -> int:
-        lines = fit_lines(self._strips, self._choice, "", self._width)
+        lines = fit_lines(self._strips, self._choice, "", LINE)
         return next(k for k, line in enumerate(lines) if line.plain.startswith("  POINT")) + 1

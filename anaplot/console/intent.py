@@ -38,9 +38,8 @@ __all__ = [
 
 @dataclass(frozen=True, slots=True)
 class Say:
-    """Tell the operator something; "hint": why a key does nothing now, which is no fault."""
+    """Tell the operator why a key does nothing now, which is no fault."""
 
-    severity: str
     text: str
 
 
@@ -148,7 +147,7 @@ _ALWAYS: dict[str, Intent] = {
 _NEEDS_WHEELS = ("zoom_in", "zoom_out", "coarse")
 _OF_A_ROW = ("switch_row", "switch_point", "rename", "details")
 _NAMED = 8  # missing points that a question names
-_WHEELS_ELSEWHERE = Say("hint", "the handwheels are those of a simulated plotter's stereo view (v)")
+_WHEELS_ELSEWHERE = Say("the handwheels are those of a simulated plotter's stereo view (v)")
 _HAND_OFF = Question(
     "Take the simulated hand away? After a drive you set the mark yourself then, with the "
     "handwheels of the stereo view (v).",
@@ -187,7 +186,7 @@ def intended(action: str, now: Situation) -> Intent:
         case "next_point" if snapshot.next_point is not None:
             return commands.Drive(snapshot.next_point)
         case "next_point":
-            return Say("hint", "no point is expected next")
+            return Say("no point is expected next")
         case "accept":
             return _accept(snapshot)
         case "reference":
@@ -197,11 +196,11 @@ def intended(action: str, now: Situation) -> Intent:
         case "suspend":
             return commands.Resume() if snapshot.suspended else commands.Suspend()
         case "automatic" if now.controls is None:
-            return Say("hint", "only a simulated plotter has a simulated operator")
+            return Say("only a simulated plotter has a simulated operator")
         case "hand" if now.controls is None and snapshot.link.state == "replay":
-            return Say("hint", "this is a replay: one can only look on")
+            return Say("this is a replay: one can only look on")
         case "hand" if now.controls is None:
-            return Say("hint", "only a simulated plotter is worked from here")
+            return Say("only a simulated plotter is worked from here")
         case "hand" if now.hand and not now.at_wheels:
             return _HAND_OFF
         case "hand" | "automatic":
@@ -223,7 +222,7 @@ def _entered(now: Situation) -> Intent:
         return commands.Drive(now.now.point)
     if now.selected is not None:
         return commands.Drive(now.selected.point)
-    return Say("hint", "no row is selected")
+    return Say("no row is selected")
 
 
 def idle(action: str, now: Situation) -> str:
@@ -275,18 +274,18 @@ def aimed(now: Situation, key: str) -> str:
 def _gone_to(model: ModelStatus, snapshot: Snapshot) -> Intent:
     """Go to a model of the overview."""
     if model.state == "in work":
-        return Say("hint", f"model {model.name} is in work")
+        return Say(f"model {model.name} is in work")
     if (model.left, model.right) in snapshot.accepted:
         return _returned_to(model, snapshot)
     if snapshot.left and not snapshot.finished:
         work = f"{snapshot.left}/{snapshot.right}"
         say = f"model {model.name} comes after model {work}, which is in work: "
-        return Say("hint", say + "accept that first, or take its points back")
+        return Say(say + "accept that first, or take its points back")
     models = () if snapshot.status is None else snapshot.status.models
     following = next((m for m in models if (m.left, m.right) not in snapshot.accepted), None)
     if following is None or following.name == model.name:
         return commands.NextModel()
-    return Say("hint", f"model {model.name} comes after model {following.name}, which is next")
+    return Say(f"model {model.name} comes after model {following.name}, which is next")
 
 
 def _returned_to(model: ModelStatus, snapshot: Snapshot) -> Intent:
@@ -300,7 +299,7 @@ def _returned_to(model: ModelStatus, snapshot: Snapshot) -> Intent:
 def _with_row(action: str, now: Situation) -> Intent:
     shown = now.selected
     if shown is None:
-        return Say("hint", "no row is selected")
+        return Say("no row is selected")
     if action == "switch_row" and now.measured:
         return commands.Switch(shown.point, shown.axis, now.row_off)
     if action == "details":
@@ -313,10 +312,10 @@ def _with_row(action: str, now: Situation) -> Intent:
 def _renamed(point: str, now: Situation) -> Intent:
     snapshot = now.snapshot
     if snapshot.inner is not None:
-        return Say("hint", "fiducials keep their names: the inner orientation comes first")
+        return Say("fiducials keep their names: the inner orientation comes first")
     measured = {view.point: view for view in snapshot.points if view.times or view.seen}
     if point not in measured:
-        return Say("hint", f"{point} is not measured yet")
+        return Say(f"{point} is not measured yet")
     seen: tuple[Side, ...] = ("left", "right")
     alone = tuple(measured)
     if snapshot.mono:
@@ -333,7 +332,7 @@ def _accept(snapshot: Snapshot) -> Intent:
     if not snapshot.may_accept:
         reason = snapshot.problem or snapshot.expected
         what = "the model" if snapshot.inner is None else "the inner orientation"
-        return Say("hint", f"{what} cannot be accepted now: {reason}")
+        return Say(f"{what} cannot be accepted now: {reason}")
     work = in_work(snapshot)
     where = f"model {snapshot.left} / {snapshot.right}"
     if snapshot.inner is not None:
@@ -364,7 +363,7 @@ def _accept(snapshot: Snapshot) -> Intent:
 
 def _keep_counters(snapshot: Snapshot) -> Intent:
     if not snapshot.unreferenced and not snapshot.checks:
-        return Say("hint", "the counters have their reference")
+        return Say("the counters have their reference")
     return Question(
         "Did the counters keep their origin, or were they set to it by hand? Everything "
         "measured from now on depends on that.",

@@ -12,7 +12,7 @@ from textual.content import Content
 
 from anaplot.console.beside import Beside
 from anaplot.console.computedpage import ComputedPage
-from anaplot.console.dialogs import AskName
+from anaplot.console.dialogs import LINE, AskName
 from anaplot.console.text import fit, fit_end, number, wrap
 from anaplot.session.changes import Change
 from anaplot.textfiles.wording import plain
@@ -100,8 +100,6 @@ class LogPage(ComputedPage):
         Returns the changes; called in a thread of its own.
     model
         Returns the name of the model in work, or "".
-    width
-        Cells of a line.
     """
 
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -110,10 +108,8 @@ class LogPage(ComputedPage):
         Binding("m", "model", "Show the model in work, or all"),
     ]
 
-    def __init__(
-        self, read: Callable[[], tuple[Change, ...]], model: Callable[[], str], width: int
-    ) -> None:
-        super().__init__("Who changed what", log_lines(None, "", width), read, self._read, width)
+    def __init__(self, read: Callable[[], tuple[Change, ...]], model: Callable[[], str]) -> None:
+        super().__init__("Who changed what", log_lines(None, "", LINE), read, self._read)
         self._model = model
         self._changes: tuple[Change, ...] | None = None
         self._wanted = ""
@@ -125,7 +121,7 @@ class LogPage(ComputedPage):
         self._drawing.wanted()
 
     def _drawn(self) -> list[Content]:
-        return log_lines(self._changes, self._wanted, self._width)
+        return log_lines(self._changes, self._wanted, LINE)
 
     def _want(self, wanted: str | None) -> None:
         if wanted is not None:

@@ -13,7 +13,7 @@ from textual.content import Content
 from anaplot.console.blockpage import BlockPage
 from anaplot.console.computedpage import ComputedPage
 from anaplot.console.describe import describe_model, describe_row
-from anaplot.console.dialogs import Page
+from anaplot.console.dialogs import LINE, Page
 from anaplot.console.errorspage import FIRST, ErrorsPage, errors_lines
 from anaplot.console.fitpage import FitChoice, FitPage
 from anaplot.console.helppage import HelpPage
@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from anaplot.station.stripcontrol import StripOnControl
 
 __all__ = ["Pages"]
-
-_WIDTH = 72
 
 
 class Pages:
@@ -95,39 +93,39 @@ class Pages:
         """Open the page of that name; details are those of the selected row."""
         snapshot = self._snapshot
         if page == "details" and selected is not None:
-            lines = entry_lines(describe_row(selected, snapshot), _WIDTH, 20)
+            lines = entry_lines(describe_row(selected, snapshot), LINE, 20)
             app.push_screen(Page(f"{plain(selected.point)} {selected.axis}", lines))
         elif page == "orientation":
             inner = snapshot.inner is not None
             title = "Inner orientation" if inner else "Orientation of the model"
-            app.push_screen(Page(title, entry_lines(describe_model(snapshot), _WIDTH, 14)))
+            app.push_screen(Page(title, entry_lines(describe_model(snapshot), LINE, 14)))
         elif page == "messages":
-            app.push_screen(Page("Messages", self._messages(_WIDTH)))
+            app.push_screen(Page("Messages", self._messages(LINE)))
         elif page == "block":
             writes = self._report, show_key(self._keys["report"][0])
-            block = BlockPage(snapshot, self._back, writes, _WIDTH)
+            block = BlockPage(snapshot, self._back, writes)
             self._follow(app, block, lambda _: block.renew(self._snapshot))
         elif page == "ties":
-            ties = TiesPage(snapshot, _WIDTH)
+            ties = TiesPage(snapshot)
             self._follow(app, ties, lambda _: ties.renew(self._snapshot))
         elif page == "fit":
             strip = self._choice.strip or snapshot.strip
             self._choice = replace(self._choice, strip=strip)
             bundle = partial(self.open, app, "block", selected)
-            fit = FitPage(self._choice, self._fitted, self._fit_chosen, bundle, _WIDTH)
+            fit = FitPage(self._choice, self._fitted, self._fit_chosen, bundle)
             self._compute(app, fit, _measured)
         elif page == "pointing":
-            pointing = PointingPage(self._station.pointing, self._again, _WIDTH)
+            pointing = PointingPage(self._station.pointing, self._again)
             self._compute(app, pointing, lambda shown: shown.accepted)
         elif page == "log":
-            self._compute(app, LogPage(self._station.log, self._model, _WIDTH), _events)
+            self._compute(app, LogPage(self._station.log, self._model), _events)
         elif page == "errors":
             strategy = self.strategy or FIRST
             self._choose(strategy)
             errors = ErrorsPage(strategy, self._errors_lines, self._choose)
             self._follow(app, errors, lambda _: errors.renew())
         elif page == "help":
-            app.push_screen(HelpPage(lambda words: help_lines(self._keys, _WIDTH, words)))
+            app.push_screen(HelpPage(lambda words: help_lines(self._keys, LINE, words)))
 
     def _follow(self, app: App[object], page: Page, renew: Callable[[Snapshot], None]) -> None:
         """Open a page that is renewed while it is read; `renew` is told the snapshot before."""
@@ -160,7 +158,7 @@ class Pages:
         return self._station.strips_on_control(choice.degree, choice.without)
 
     def _errors_lines(self, strategy: str) -> list[Content]:
-        return errors_lines(self._snapshot.solution, strategy, _WIDTH)
+        return errors_lines(self._snapshot.solution, strategy, LINE)
 
     def _choose(self, strategy: str) -> None:
         self.strategy = strategy

@@ -9,6 +9,7 @@ from textual.binding import Binding, BindingType
 from textual.content import Content
 
 from anaplot.console.computedpage import ComputedPage
+from anaplot.console.dialogs import LINE
 from anaplot.console.text import cell, fit, fit_end, number, wrap
 
 if TYPE_CHECKING:
@@ -120,8 +121,6 @@ class PointingPage(ComputedPage):
         Returns what is known; called in a thread of its own.
     again
         Begins to point again.
-    width
-        Cells of a line.
     """
 
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -129,15 +128,13 @@ class PointingPage(ComputedPage):
         Binding("enter", "again", "Point again"),
     ]
 
-    def __init__(
-        self, compute: Callable[[], Pointing], again: Callable[[], None], width: int
-    ) -> None:
-        lines = pointing_lines(None, width)
-        super().__init__("How precise the pointing is", lines, compute, self._computed, width)
+    def __init__(self, compute: Callable[[], Pointing], again: Callable[[], None]) -> None:
+        lines = pointing_lines(None, LINE)
+        super().__init__("How precise the pointing is", lines, compute, self._computed)
         self._again = again
 
     def _computed(self, found: Pointing) -> None:
-        self.show(pointing_lines(found, self._width))
+        self.show(pointing_lines(found, LINE))
 
     def action_again(self) -> None:
         """Close the page and point again."""

@@ -404,8 +404,8 @@ class OrientationScreen(Screen[None]):
 
     def _do(self, intent: Intent) -> None:
         match intent:
-            case Say(severity, text):
-                self._say(severity, text)
+            case Say(text):
+                self._say("hint", text)
             case Question():
                 self.app.push_screen(*asking(intent, self._keys, self._do))
             case PointName():

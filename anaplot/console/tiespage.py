@@ -7,7 +7,7 @@ from typing import ClassVar
 from textual.binding import Binding, BindingType
 from textual.content import Content
 
-from anaplot.console.dialogs import Page
+from anaplot.console.dialogs import LINE, Page
 from anaplot.console.text import cell, fit, fit_end, number, wrap
 from anaplot.orientation.striptie import TiePoint
 from anaplot.session.tiecheck import GROUND, TieCheck
@@ -27,19 +27,16 @@ class TiesPage(Page):
     ----------
     snapshot
         What is said of ties.
-    width
-        Cells of a line.
     """
 
     BINDINGS: ClassVar[list[BindingType]] = [Binding("T", "close", "Close")]
 
-    def __init__(self, snapshot: Snapshot, width: int) -> None:
-        super().__init__("Ties between strips, and to the control", ties_page(snapshot, width))
-        self._width = width
+    def __init__(self, snapshot: Snapshot) -> None:
+        super().__init__("Ties between strips, and to the control", ties_page(snapshot, LINE))
 
     def renew(self, snapshot: Snapshot) -> None:
         """Show what is said of ties now."""
-        self.show(ties_page(snapshot, self._width))
+        self.show(ties_page(snapshot, LINE))
 
 
 def ties_page(snapshot: Snapshot, width: int) -> list[Content]:

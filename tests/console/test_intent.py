@@ -94,14 +94,14 @@ def noisy(sigma0: float) -> ModelSolution:
     [
         ("record", now(), RecordPoint()),
         ("drive", now(), Drive("103")),
-        ("drive", now(None), Say("hint", "no row is selected")),
+        ("drive", now(None), Say("no row is selected")),
         ("details", now(), Read("details")),
-        ("details", now(None), Say("hint", "no row is selected")),
+        ("details", now(None), Say("no row is selected")),
         ("next_point", now(), Drive("103")),
         (
             "next_point",
             now(snapshot=picture(next_point=None)),
-            Say("hint", "no point is expected next"),
+            Say("no point is expected next"),
         ),
         ("accept", now(snapshot=picture(gross=False)), Accept()),
         ("accept", now(snapshot=picture(gross=False, points=offered())), Accept()),
@@ -109,7 +109,6 @@ def noisy(sigma0: float) -> ModelSolution:
             "accept",
             now(snapshot=picture(measured=4)),
             Say(
-                "hint",
                 "the model cannot be accepted now: "
                 "six points are needed, four of them ties or well spread",
             ),
@@ -119,7 +118,7 @@ def noisy(sigma0: float) -> ModelSolution:
         ("reference", now(), Reference(None)),
         ("reference", now(by_hand=True), Reference("103")),
         ("reference", now(9, snapshot=picture(measured=4), by_hand=True), Reference(None)),
-        ("keep_counters", now(), Say("hint", "the counters have their reference")),
+        ("keep_counters", now(), Say("the counters have their reference")),
         ("suspend", now(), Suspend()),
         ("suspend", now(snapshot=picture(suspended=True)), Resume()),
         ("add_point", now(), PointName()),
