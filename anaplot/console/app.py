@@ -206,7 +206,7 @@ def run_console(
     keep: Callable[[], None] | None = None,
     report: WriteReport | None = None,
 ) -> int:
-    """Run the console until the operator leaves, then close the station.
+    """Run the console until the operator leaves, then close the station; returns the exit code.
 
     Parameters
     ----------
@@ -220,11 +220,6 @@ def run_console(
         Called when the operator keeps a block that would be deleted; None where none would be.
     report
         Writes the report of the block; None where no block folder belongs to the station.
-
-    Returns
-    -------
-    int
-        Exit code.
 
     Raises
     ------

@@ -32,11 +32,6 @@ def parse_distances(path: Path) -> tuple[ObjectCondition, ...]:
     path
         The file, with columns from,to,distance,sigma and perhaps use; metres.
 
-    Returns
-    -------
-    tuple[ObjectCondition, ...]
-        The rows in file order.
-
     Raises
     ------
     InputError
@@ -72,11 +67,6 @@ def parse_conditions(path: Path) -> tuple[ObjectCondition, ...]:
     path
         The file, with columns kind,points,value,sigma and perhaps use: kind line, plane, angle or
         equal, names of points separated by blanks, metres and radians.
-
-    Returns
-    -------
-    tuple[ObjectCondition, ...]
-        The rows in file order.
 
     Raises
     ------

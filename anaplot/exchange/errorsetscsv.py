@@ -55,11 +55,6 @@ def read_error_sets(path: Path) -> tuple[SetRow, ...]:
     path
         The file: column set, and of photo, point, axis, use, condition and share what is needed.
 
-    Returns
-    -------
-    tuple[SetRow, ...]
-        The rows in file order.
-
     Raises
     ------
     InputError

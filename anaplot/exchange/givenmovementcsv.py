@@ -22,11 +22,6 @@ def read_given_movement(path: Path) -> tuple[GivenMovement, ...]:
     path
         The file.
 
-    Returns
-    -------
-    tuple[GivenMovement, ...]
-        The rows in file order.
-
     Raises
     ------
     InputError

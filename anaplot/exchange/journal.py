@@ -183,7 +183,7 @@ class Journal:
         return self._place().seq
 
     def append(self, kind: str, payload: Mapping[str, Any], *, durable: bool) -> int:
-        """Write one record.
+        """Write one record, and return its sequence number.
 
         Parameters
         ----------
@@ -193,11 +193,6 @@ class Journal:
             A JSON object without the keys seq, t, kind, crc.
         durable
             Return only when it is on disk, with all records before it.
-
-        Returns
-        -------
-        int
-            Its sequence number.
 
         Raises
         ------

@@ -12,7 +12,7 @@ __all__ = ["read_operators"]
 
 
 def read_operators(path: Path, photos: Collection[str]) -> dict[str, str]:
-    """Read the operators of photos.
+    """Read the operators of photos, by photo in file order.
 
     Parameters
     ----------
@@ -20,11 +20,6 @@ def read_operators(path: Path, photos: Collection[str]) -> dict[str, str]:
         The file: columns photo and operator.
     photos
         Names of the photos there are.
-
-    Returns
-    -------
-    dict
-        Operator by photo, in file order.
 
     Raises
     ------

@@ -24,7 +24,7 @@ def poll_request(profile: Profile) -> bytes:
 
 
 def drive_command(profile: Profile, origin: Origin, position: Position) -> bytes:
-    """Return the bytes that drive the plates.
+    """Return the bytes that drive the plates: command with checksum and terminator.
 
     Parameters
     ----------
@@ -34,11 +34,6 @@ def drive_command(profile: Profile, origin: Origin, position: Position) -> bytes
         Of its counters.
     position
         Target [mm], plate coordinates; of a mono comparator xl, yl count.
-
-    Returns
-    -------
-    bytes
-        Command with checksum and terminator.
 
     Raises
     ------

@@ -117,11 +117,6 @@ def load_profile(name_or_path: str | Path) -> Profile:
         A name as `find_profiles` lists them, or a path (anything with a separator or ending
         in ``.toml``).
 
-    Returns
-    -------
-    Profile
-        The profile.
-
     Raises
     ------
     InputError
@@ -149,11 +144,6 @@ def parse_profile(raw: bytes, name: str) -> Profile:
         The file's bytes.
     name
         What errors call the file.
-
-    Returns
-    -------
-    Profile
-        The profile.
 
     Raises
     ------

@@ -71,12 +71,7 @@ class PortInfo:
 
 
 def ports() -> list[PortInfo]:
-    """List the serial ports of this computer.
-
-    Returns
-    -------
-    list of PortInfo
-        Sorted by address.
+    """List the serial ports of this computer, sorted by address.
 
     Raises
     ------

@@ -203,11 +203,6 @@ def parse_template(text: str) -> Template:
     text
         Literal Latin-1 text with fields.
 
-    Returns
-    -------
-    Template
-        Ready to be filled.
-
     Raises
     ------
     TemplateError

@@ -28,11 +28,6 @@ __all__ = ["orient_photos", "run_inner"]
 def run_inner(options: argparse.Namespace) -> int:
     """Orient the photographs of some files and print the results, or apply them to a block.
 
-    Returns
-    -------
-    int
-        The exit code.
-
     Raises
     ------
     InputError

@@ -33,11 +33,6 @@ def check_profile(name: str, out: TextIO) -> int:
     out
         Where to.
 
-    Returns
-    -------
-    int
-        Exit code 0.
-
     Raises
     ------
     InputError
@@ -91,11 +86,6 @@ def watch(
         Print the bytes as well, made safe.
     stop
         Ends the watch when set.
-
-    Returns
-    -------
-    int
-        Exit code 0.
 
     Raises
     ------

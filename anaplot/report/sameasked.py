@@ -25,7 +25,7 @@ _LARGEST = 4 * 1024**3  # bytes of a file that an option names
 
 
 def digest_of(what: str, asked: Any, *, names_files: bool = False) -> str:
-    """Return a digest of everything that values say.
+    """Return a digest of everything that values say: SHA-256, in hexadecimal.
 
     Parameters
     ----------
@@ -36,11 +36,6 @@ def digest_of(what: str, asked: Any, *, names_files: bool = False) -> str:
         A path stands for what is in its file.
     names_files
         A text that names a file stands for what is in it, too.
-
-    Returns
-    -------
-    str
-        SHA-256, in hexadecimal.
 
     Raises
     ------

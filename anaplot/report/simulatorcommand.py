@@ -123,11 +123,6 @@ def run_simulator(
     stop
         Ends the run when set.
 
-    Returns
-    -------
-    int
-        Exit code 0.
-
     Raises
     ------
     InputError
@@ -220,7 +215,7 @@ def _obey_lines(
 
 
 def obey(simulator: SimulatedPlotter, words: list[str]) -> str:
-    """Carry out one control line of a running simulated plotter.
+    """Carry out one control line of a running simulated plotter, and say what was done.
 
     Parameters
     ----------
@@ -228,11 +223,6 @@ def obey(simulator: SimulatedPlotter, words: list[str]) -> str:
         The plotter.
     words
         The line's words, at least one.
-
-    Returns
-    -------
-    str
-        What was done.
 
     Raises
     ------

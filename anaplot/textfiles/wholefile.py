@@ -152,11 +152,6 @@ def create_folder(
     files
         Name and content of each; made one after another.
 
-    Returns
-    -------
-    tuple[Path, ...]
-        The files.
-
     Raises
     ------
     InputError

@@ -66,7 +66,7 @@ def struck(rates: Mapping[str, float], seed: int, frame: int) -> tuple[list[str]
 
 
 def damaged(name: str, data: bytes, line: LineSettings, generator: random.Random) -> bytes:
-    """Damage one record.
+    """Return what arrives of one record that is damaged.
 
     Parameters
     ----------
@@ -79,11 +79,6 @@ def damaged(name: str, data: bytes, line: LineSettings, generator: random.Random
         `BAD_PARITY` instead of the byte.
     generator
         Where and how.
-
-    Returns
-    -------
-    bytes
-        What arrives.
     """
     if not data:
         return data

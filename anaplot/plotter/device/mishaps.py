@@ -27,7 +27,7 @@ MISHAP_USAGE = " | ".join(f"{name} {' '.join(words)}" for name, words in MISHAPS
 
 
 def plant(simulator: SimulatedPlotter, words: Sequence[str]) -> str:
-    """Have the simulated operator make a mistake in the model that lies in the plotter.
+    """Have the simulated operator make a mistake in the model that lies in the plotter; says which.
 
     Parameters
     ----------
@@ -35,11 +35,6 @@ def plant(simulator: SimulatedPlotter, words: Sequence[str]) -> str:
         The plotter.
     words
         Name of the mistake, and what `MISHAPS` says of it. Pointings count once, a drift stays.
-
-    Returns
-    -------
-    str
-        What will happen.
 
     Raises
     ------

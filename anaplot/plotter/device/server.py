@@ -78,11 +78,6 @@ class SimulatorServer:
     def start(self) -> SimulatorServer:
         """Open the lines and run.
 
-        Returns
-        -------
-        SimulatorServer
-            This.
-
         Raises
         ------
         LinkError
