@@ -177,14 +177,6 @@ class Conversation:
             self._note("reopen", name)
             self.decoder.reopen(name or None)
 
-    def referred(self, known: Position) -> Position:
-        """Take it that the carriages stand at a position [mm]; returns the new shift [mm]."""
-        with self._lock:
-            moved = self.decoder.reference(known)
-            place = (known.xl, known.yl, known.xr, known.yr)
-            self._note("reference", " ".join(repr(float(value)) for value in place))
-            return moved
-
     def moved_by(self, shift: Position) -> None:
         """Take it that the counters are to be moved by so much [mm].
 
@@ -197,11 +189,9 @@ class Conversation:
             here = self.decoder.unreferenced_position
             if here is None:
                 raise InputError("no position was heard yet: there is nothing to refer to")
-            self.referred(
-                Position(
-                    here.xl + shift.xl, here.yl + shift.yl, here.xr + shift.xr, here.yr + shift.yr
-                )
-            )
+            place = (here.xl + shift.xl, here.yl + shift.yl, here.xr + shift.xr, here.yr + shift.yr)
+            self.decoder.reference(Position(*place))
+            self._note("reference", " ".join(repr(float(value)) for value in place))
 
     def confirmed(self) -> None:
         """Take it that the counters kept their origin."""

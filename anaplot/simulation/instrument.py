@@ -89,7 +89,6 @@ class SimulatedInstrument(Instrument):
 
     def __init__(self, setup: SimulationSetup, listener: Inbox, block: Block) -> None:
         profile = load_profile(setup.profile)
-        self._block = block
         self._listener = listener
         self._follows = True
         self._presses_itself = False

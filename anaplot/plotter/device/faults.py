@@ -27,17 +27,10 @@ BAD_PARITY = 0xFF
 _GARBLED = (0x00, 0x06, 0x18, 0x1E, 0x66, 0x78, 0x7E, 0x80, 0x86, 0x98, 0xE0, 0xE6, 0xF8, 0xFE)
 
 
-def check_fault(name: str) -> str:
-    """Return the name when there is such a fault.
-
-    Raises
-    ------
-    InputError
-        When there is none; it names the nearest.
-    """
+def check_fault(name: str) -> None:
+    """Refuse the name of a fault that there is not; raises InputError that names the nearest."""
     if name not in FAULTS:
         raise InputError(f"no fault {quoted(name)}{hint(name, FAULTS)}")
-    return name
 
 
 def struck(rates: Mapping[str, float], seed: int, frame: int) -> tuple[list[str], random.Random]:
