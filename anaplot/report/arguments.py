@@ -17,6 +17,7 @@ __all__ = [
     "add_on",
     "add_output",
     "add_report_page",
+    "add_target",
     "between",
     "correlation",
     "length",
@@ -58,6 +59,18 @@ def add_output(parser: argparse.ArgumentParser, main: str, *, folder: bool = Tru
             metavar="FOLDER",
             help="write every table as CSV, and summary.json, into a new or empty folder",
         )
+
+
+def add_target(
+    parser: argparse.ArgumentParser,
+    metavar: str,
+    what: str,
+    action: type[NewTarget] = NewTarget,
+) -> None:
+    """Add where a command writes what is new."""
+    parser.add_argument(
+        "-o", "--output", type=Path, action=action, required=True, metavar=metavar, help=what
+    )
 
 
 def add_on(parser: argparse.ArgumentParser) -> None:

@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from anaplot.errors import InputError
-from anaplot.report.arguments import length, positive
-from anaplot.report.commandparser import NewTarget
+from anaplot.report.arguments import add_target, length, positive
 
 __all__ = ["add_export_arguments", "add_import_arguments", "refuse_unused"]
 
@@ -34,15 +33,7 @@ def add_import_arguments(parser: argparse.ArgumentParser) -> None:
         "kind", metavar="KIND", help=f"{kinds}; may be left out where the source says what it is"
     )
     parser.add_argument("source", type=Path, nargs="?", metavar="SOURCE", help="a file or a folder")
-    parser.add_argument(
-        "-o",
-        "--output",
-        type=Path,
-        action=NewTarget,
-        required=True,
-        metavar="BLOCK",
-        help="the new block's folder",
-    )
+    add_target(parser, "BLOCK", "the new block's folder")
     parser.add_argument(
         "--sigma-px",
         type=positive,
@@ -110,15 +101,7 @@ def add_export_arguments(parser: argparse.ArgumentParser) -> None:
     kinds = ", ".join(one.kind for one in FORMATS.values() if one.writes)
     parser.add_argument("kind", metavar="KIND", help=kinds)
     parser.add_argument("block", type=Path, metavar="BLOCK", help="the block's folder")
-    parser.add_argument(
-        "-o",
-        "--output",
-        type=Path,
-        action=NewTarget,
-        required=True,
-        metavar="TARGET",
-        help="a new file or folder",
-    )
+    add_target(parser, "TARGET", "a new file or folder")
     parser.add_argument("--unit", choices=("px", "mm", "um"), help="of image coordinates")
     parser.add_argument(
         "--order", metavar="WORD", help="how something is turned; the format's own words"

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from anaplot.report.adjustarguments import add_adjust_arguments
-from anaplot.report.arguments import whole
+from anaplot.report.arguments import add_target, whole
 from anaplot.report.commandparser import Commands, NewPage, NewTarget
 
 __all__ = ["add_page_arguments", "add_report_arguments", "add_report_command"]
@@ -40,15 +40,7 @@ def add_page_arguments(parser: argparse.ArgumentParser) -> None:
 
 def add_report_arguments(parser: argparse.ArgumentParser) -> None:
     """Add what `report` takes."""
-    parser.add_argument(
-        "-o",
-        "--output",
-        type=Path,
-        action=NewPage,
-        required=True,
-        metavar="FILE.html",
-        help="the page",
-    )
+    add_target(parser, "FILE.html", "the page", NewPage)
     parser.add_argument(
         "--fiducials",
         type=Path,

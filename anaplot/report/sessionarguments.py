@@ -5,8 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from anaplot.report.arguments import add_output, positive, whole
-from anaplot.report.commandparser import NewTarget
+from anaplot.report.arguments import add_output, add_target, positive, whole
 
 __all__ = [
     "add_demo_arguments",
@@ -101,29 +100,13 @@ def add_pointing_arguments(pointing: argparse.ArgumentParser) -> None:
 def add_pack_arguments(pack: argparse.ArgumentParser) -> None:
     """Add what `pack` takes."""
     pack.add_argument("block", type=Path, metavar="BLOCK", help="the block's folder")
-    pack.add_argument(
-        "-o",
-        "--output",
-        type=Path,
-        action=NewTarget,
-        required=True,
-        metavar="FILE",
-        help="a new file",
-    )
+    add_target(pack, "FILE", "a new file")
 
 
 def add_unpack_arguments(unpack: argparse.ArgumentParser) -> None:
     """Add what `unpack` takes."""
     unpack.add_argument("pack", type=Path, metavar="FILE", help="what pack has written")
-    unpack.add_argument(
-        "-o",
-        "--output",
-        type=Path,
-        action=NewTarget,
-        required=True,
-        metavar="FOLDER",
-        help="a new folder",
-    )
+    add_target(unpack, "FOLDER", "a new folder")
 
 
 def add_replay_arguments(replay: argparse.ArgumentParser) -> None:
