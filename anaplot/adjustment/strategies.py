@@ -112,7 +112,6 @@ def find_gross_errors(
     settings: SearchSettings | None = None,
     *,
     models: Array | None = None,
-    tolerance: float = MODEL_TOLERANCE,
     suspects: Bools | None = None,
     left_out: Collection[int] = (),
     measured: int | None = None,
@@ -135,8 +134,6 @@ def find_gross_errors(
     models
         (n,) model values of sqrt(q_vv) in a-priori sigmas for "modified"; NaN: no model value,
         the exact one is computed.
-    tolerance
-        k_q, the share by which an exact value may differ from its model value.
     suspects
         (n,) rows that may be rejected; None: all.
     left_out
@@ -201,7 +198,7 @@ def find_gross_errors(
     elif strategy == "modified":
         if models is None:
             raise ValueError("modified snooping needs model values of sqrt(q_vv) for the rows")
-        counts = ModelRule(used.alpha, np.asarray(models, dtype=float), tolerance, n)
+        counts = ModelRule(used.alpha, np.asarray(models, dtype=float), MODEL_TOLERANCE, n)
         end = _End(*task.stepwise(counts), values=counts.values())
     else:
         rule = rule_of(strategy, used.alpha, measured, idle)

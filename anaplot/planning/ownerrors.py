@@ -12,7 +12,6 @@ from scipy.sparse import csr_array
 from anaplot.adjustment.batch import BATCH_TESTS, reject_stepwise
 from anaplot.adjustment.findings import SearchSettings
 from anaplot.adjustment.leastabsolute import design_of
-from anaplot.adjustment.modelvalues import MODEL_TOLERANCE
 from anaplot.adjustment.reliability import HARD_TO_TELL
 from anaplot.adjustment.residualsystem import DenseResiduals
 from anaplot.adjustment.significance import TESTABLE
@@ -169,8 +168,6 @@ class _OwnGeometry:
             system = DenseResiduals(
                 self._of.names, e, r, vtpv, self._redundancy, matrix, self._design
             )
-            found = find_gross_errors(
-                system, method, settings, models=self._of.models, tolerance=MODEL_TOLERANCE
-            )
+            found = find_gross_errors(system, method, settings, models=self._of.models)
             out[one, list(found.rows)] = True
         return out

@@ -237,12 +237,11 @@ def _matrix(found: Covariance) -> Table:
     return table("covariance_matrix", _PAIRED, rows)
 
 
-def _ellipse(decimals: int) -> tuple[Column, ...]:
-    return (
-        number("ellipse_a", "a", decimals, 9, unit="m"),
-        number("ellipse_b", "b", decimals, 9, unit="m"),
-        number("ellipse_direction", "dir", 1, 7, unit="rad", scale=_DEGREES),
-    )
+_ELLIPSE = (
+    number("ellipse_a", "a", 4, 9, unit="m"),
+    number("ellipse_b", "b", 4, 9, unit="m"),
+    number("ellipse_direction", "dir", 1, 7, unit="rad", scale=_DEGREES),
+)
 
 
 def _cells(ellipse: Ellipse) -> tuple[float, ...]:
@@ -253,7 +252,7 @@ _PLACES = (
     name("kind", "PLACE", 5),
     name("name", gap=1),
     *(number(f"s{axis}", f"s{axis}", 4, 9, unit="m") for axis in "XYZ"),
-    *_ellipse(4),
+    *_ELLIPSE,
 )
 
 
@@ -271,7 +270,7 @@ _PAIRS = (
     *(number(f"sd{axis}", f"sd{axis}", 4, 9, unit="m") for axis in "XYZ"),
     number("distance", "DISTANCE", 4, 13, unit="m"),
     number("s_distance", "s", 4, 9, unit="m"),
-    *_ellipse(4),
+    *_ELLIPSE,
 )
 
 

@@ -14,6 +14,6 @@ def utc(time: str) -> str:
     return datetime.fromisoformat(time).astimezone(UTC).strftime("%Y-%m-%d %H:%M:%S")
 
 
-def time_column(key: str, title: str) -> Column:
-    """Return a column of times; at the right as numbers are, which no cell parts."""
-    return Column(key, f"{title} (UTC)", 21, form=utc, none="")
+def time_column(title: str) -> Column:
+    """Return a column of times, `time`; at the right as numbers are, which no cell parts."""
+    return Column("time", f"{title} (UTC)", 21, form=utc, none="")

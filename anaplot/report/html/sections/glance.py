@@ -18,7 +18,6 @@ from anaplot.report.blockadjustment import BlockAdjustment
 from anaplot.report.columns import counted
 from anaplot.report.document import Answer, Document, Line, Table, named, say
 from anaplot.report.html.parts import Captioned, Facts, HtmlBlock, Section
-from anaplot.report.html.shown import first_rows
 from anaplot.station.coverage import is_held
 
 __all__ = ["accuracy_section", "glance_section"]
@@ -170,8 +169,12 @@ def accuracy_section(document: Document, summary: Mapping[str, Table]) -> Sectio
         found = summary[key]
         if len(found):
             line = say("Correlations of the unknowns of single {}: the largest", what)
-            blocks.append(Captioned(first_rows(found, _MOST_CORRELATED), line))
+            blocks.append(Captioned(_largest(found), line))
     return Section("accuracy", "Accuracy: standard deviations and correlations", tuple(blocks))
+
+
+def _largest(table: Table) -> Table:
+    return replace(table, source=lambda: tuple(part[:_MOST_CORRELATED] for part in table.values))
 
 
 def _calibration(document: Document) -> Iterator[HtmlBlock]:

@@ -22,7 +22,7 @@ _OPEN = 2  # that are not folded
 _OVERVIEW = (
     name("photo", "PHOTO", 5),
     name("model", "IN MODEL", 8, none=""),
-    time_column("time", "ACCEPTED"),
+    time_column("ACCEPTED"),
     name("who", "BY", 2, none=""),
     name("transformation", "TRANSFORMATION", 14),
     number("sigma0_um", "sigma0 [um]", 2, 12, unit="um"),

@@ -112,7 +112,7 @@ def _again(log: Table) -> Table:
 def _column(column: Column) -> Column:
     """Return a column of the protocol: in it every row was done again, none stands out for that."""
     if column.key == "time":
-        return time_column("time", "TIME")
+        return time_column("TIME")
     # two numbers stand in one line
     return replace(column, look=None, align=">" if column.parts else column.align)
 
