@@ -1,9 +1,8 @@
-"""A synthetic block: strips side by side over one terrain with control, never flown."""
+"""Strips side by side over one terrain with control that nobody has flown: what they show."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from math import radians
 
 import numpy as np
@@ -12,21 +11,13 @@ from anaplot.aliases import Array
 from anaplot.orientation.ownpattern import PointPattern
 from anaplot.orientation.patterns import pattern
 from anaplot.photogrammetry.block import (
-    Block,
     Camera,
-    ControlPoint,
-    Photo,
-    Precision,
-    Strip,
-    TestSettings,
 )
 from anaplot.photogrammetry.collinearity import project
 from anaplot.photogrammetry.rotation import rotation_matrix
 from anaplot.planning.modelplan import standard_d
 from anaplot.planning.synthetic import (
-    BASE,
     BETWEEN,
-    CAMERA,
     RELIEF,
     TILTS_DEG,
     UNDER,
@@ -35,80 +26,12 @@ from anaplot.planning.synthetic import (
 )
 from anaplot.planning.syntheticcamera import usual_format
 
-__all__ = ["SyntheticBlock", "synthetic_block", "synthetic_plates"]
+__all__ = ["flown", "synthetic_plates"]
 
 _SIDE = 0.7  # of a photo's height between strips: 30 % side lap
 _SCALE = 10.0  # m on the ground for a mm at photo scale: 1 : 10 000
 _ORIGIN = (4000.0, 7000.0, 300.0)  # m
 _MARGIN = 2.0  # mm at the edge of a photo where nothing is marked
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class SyntheticBlock:
-    """A block and its truth.
-
-    Attributes
-    ----------
-    block
-        As a person would declare it, with control and without measurements. The control's
-        coordinates have errors of their standard deviations.
-    truth
-        True image coordinates [mm] by photo and point.
-    ground
-        (3,) true ground coordinates [m] by point.
-    """
-
-    block: Block
-    truth: Truth
-    ground: Mapping[str, Array] = field(repr=False)
-
-
-def synthetic_block(
-    strips: int = 2,
-    photos: int = 5,
-    *,
-    seed: int,
-    image_um: float = 5.0,
-    control_m: float = 0.02,
-    test: TestSettings | None = None,
-) -> SyntheticBlock:
-    """Make a block of parallel strips, every second one flown back.
-
-    Every photo has the points of the 15-point pattern under it and towards the next one; those of
-    the side overlap lie in photos of two strips. Control stands at both ends and in the middle of
-    every edge and of every side overlap.
-
-    Parameters
-    ----------
-    strips, photos
-        How many strips, and photos in each of them, at least 2: 101, 102, ..., 201, ...
-    seed
-        Of the generator of orientations, relief, positions and errors of the control.
-    image_um, control_m
-        A-priori sigma0 of the block [um], and standard deviation of the control [m].
-    test
-        Test settings of the block.
-
-    Raises
-    ------
-    ValueError
-        No strip, or fewer than two photos.
-    """
-    if strips < 1 or photos < 2:
-        raise ValueError(f"a block has strips of at least two photos, not {strips} of {photos}")
-    rng = np.random.default_rng([seed, 4])
-    ids = tuple(tuple(str(100 * (s + 1) + k + 1) for k in range(photos)) for s in range(strips))
-    truth, ground, control = _flown(ids, CAMERA, BASE, rng)
-    block = Block(
-        name="synthetic",
-        precision=Precision(image_um=image_um, tie_variance="exact", control_m=control_m),
-        test=test or TestSettings(),
-        cameras=(CAMERA,),
-        photos=tuple(Photo(photo, CAMERA.id) for photo in truth),
-        strips=tuple(Strip(str(s + 1), photos, BASE) for s, photos in enumerate(ids)),
-        control=tuple(_control(name, ground[name], control_m, rng) for name in control),
-    )
-    return SyntheticBlock(block, truth, ground)
 
 
 def synthetic_plates(
@@ -129,14 +52,14 @@ def synthetic_plates(
     camera
         The camera of all.
     seed
-        As for `synthetic_block`.
+        Of the generator of orientations, relief and positions.
     base
         Base at photo scale [mm].
     wanted
         A point pattern that finds its points there, too.
     """
     rng = np.random.default_rng([seed, 4])
-    truth, _, control = _flown(strips, camera, abs(base), rng, wanted)
+    truth, _, control = flown(strips, camera, abs(base), rng, wanted)
     # nobody has a list of this control
     return {
         photo: {point: xy for point, xy in seen.items() if point not in control}
@@ -144,14 +67,19 @@ def synthetic_plates(
     }
 
 
-def _flown(
+def flown(
     strips: Sequence[tuple[str, ...]],
     camera: Camera,
     base: float,
     rng: np.random.Generator,
     wanted: PointPattern | None = None,
 ) -> tuple[dict[str, dict[str, tuple[float, float]]], dict[str, Array], tuple[str, ...]]:
-    """Return true image coordinates, the ground [m], and which of it is control."""
+    """Return true image coordinates [mm], the ground [m], and which of it is control.
+
+    Every photo has the points of the 15-point pattern under it and towards the next one; those of
+    the side overlap lie in photos of two strips. Control stands at both ends and in the middle of
+    every edge and of every side overlap. Else as for `synthetic_plates`.
+    """
     places, control = _places(strips, camera, base, rng, wanted)
     waves = rng.normal(size=(4, 3)) * [1.0, 1.0, radians(180.0)]
     ground = {
@@ -239,8 +167,3 @@ def _photographed(
     inside = np.flatnonzero((np.abs(seen.xy) <= reach).all(axis=1)).tolist()
     names = list(ground)
     return {names[k]: (float(seen.xy[k, 0]), float(seen.xy[k, 1])) for k in inside}
-
-
-def _control(name: str, at: Array, sigma: float, rng: np.random.Generator) -> ControlPoint:
-    x, y, z = (at + rng.normal(0.0, sigma, 3)).round(4).tolist()
-    return ControlPoint(name, (x, y, z), (sigma, sigma, sigma))

@@ -19,11 +19,11 @@ from pathlib import Path
 
 import numpy as np
 from journal_opening import TABLE, TRAFFIC, Seen, alone, measured, model
+from syntheticblocks import synthetic_block
 
 from anaplot.exchange.blockfolder import read_block, write_control, write_new_block
 from anaplot.exchange.eventcodec import event_to_payload
 from anaplot.exchange.journal import Journal
-from anaplot.planning.syntheticblock import synthetic_block
 from anaplot.session.events import (
     Event,
     ModelAccepted,

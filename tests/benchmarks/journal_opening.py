@@ -25,14 +25,16 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
 import numpy as np
+from syntheticblocks import SyntheticBlock, synthetic_block
 
 from anaplot.exchange.blockfolder import read_block, write_control, write_new_block
 from anaplot.exchange.eventcodec import event_to_payload
 from anaplot.exchange.journal import Journal
 from anaplot.exchange.journalread import scan_journal
 from anaplot.photogrammetry.block import Strip
-from anaplot.planning.syntheticblock import SyntheticBlock, synthetic_block
 from anaplot.session.events import (
     EVENT_KINDS,
     Event,

@@ -20,16 +20,17 @@ from math import sqrt
 from pathlib import Path
 from time import process_time
 
+sys.path.insert(0, str(Path(__file__).parents[1]))
 sys.path.insert(0, str(Path(__file__).parents[1] / "session"))
 
 from plotterscene import Workplace, block_of_options, misfit
 from scipy.special import chdtri
+from syntheticblocks import synthetic_block
 
 from anaplot.bundle.adjust import adjust_block
 from anaplot.exchange.blockfolder import read_block, write_image_points
 from anaplot.exchange.camerafile import write_camera
 from anaplot.photogrammetry.camera import CameraCalibration
-from anaplot.planning.syntheticblock import synthetic_block
 from anaplot.planning.syntheticcamera import with_calibration
 from anaplot.station.imagepoints import rows_of
 

@@ -10,6 +10,7 @@ from bundleblocks import aerial, cube, make_scene
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
+from syntheticblocks import synthetic_block
 
 from anaplot.aliases import Index
 from anaplot.bundle.adjust import adjust_block, adjust_problem
@@ -33,7 +34,6 @@ from anaplot.photogrammetry.similarity import (
     fit_to_partial,
     robust_similarity,
 )
-from anaplot.planning.syntheticblock import synthetic_block
 
 
 def converges_to_the_truth(scene, block=None, sigma=1.5, **options):

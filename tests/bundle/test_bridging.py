@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from grossblocks import mismatched, planned
+from syntheticblocks import synthetic_block
 
 from anaplot.aliases import Progress
 from anaplot.bundle.solve.problem import Problem, make_problem
@@ -17,7 +18,6 @@ from anaplot.bundle.start.subblock import unit_rays
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import Block, ImagePoint, Strip
 from anaplot.photogrammetry.selection import model_name, points_of, rows_off
-from anaplot.planning.syntheticblock import synthetic_block
 
 
 def measured(kind: str, seed: int = 1) -> Block:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 from scipy.stats import chi2
+from syntheticblocks import synthetic_block
 
 from anaplot.errors import NotComputableError
 from anaplot.orientation.model import orient
@@ -14,7 +15,6 @@ from anaplot.orientation.stripgeometry import Located, extended, widened
 from anaplot.orientation.striptie import LEVEL_DEG, Placed, tie_systems
 from anaplot.photogrammetry.block import TestSettings
 from anaplot.photogrammetry.rotation import rotation_matrix
-from anaplot.planning.syntheticblock import synthetic_block
 
 SIGMA0 = 0.005  # mm
 BAARDA = TestSettings("baarda", 0.001)

@@ -2,8 +2,10 @@
 
 from itertools import pairwise
 
+from syntheticblocks import synthetic_block
+
 from anaplot.photogrammetry.block import Camera
-from anaplot.planning.syntheticblock import synthetic_block, synthetic_plates
+from anaplot.planning.syntheticblock import synthetic_plates
 
 CAMERA = Camera("rmk", 152.4, (230.0, 230.0))
 

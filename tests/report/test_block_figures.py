@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from svgs import SVG, parsed, paths, runs, sound, texts
+from syntheticblocks import synthetic_block
 
 from anaplot.adjustment.reliability import SPUR
 from anaplot.adjustment.testdistribution import TestDistribution
@@ -15,7 +16,6 @@ from anaplot.bundle.adjust import adjust_block, adjust_problem
 from anaplot.bundle.blockmap import flagged_points, mean_redundancy
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.photogrammetry.block import ImagePoint, TestSettings
-from anaplot.planning.syntheticblock import synthetic_block
 from anaplot.report.figures import blockmap, groundview, pointmaps
 from anaplot.report.figures.blockmap import block_map
 from anaplot.report.figures.imageunits import image_units

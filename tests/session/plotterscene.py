@@ -10,6 +10,7 @@ import threading
 from pathlib import Path
 
 import numpy as np
+from syntheticblocks import SyntheticBlock
 
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.crosscofactors import coordinate_cofactors
@@ -18,7 +19,6 @@ from anaplot.cli import main
 from anaplot.exchange.blockfolder import read_block, write_control
 from anaplot.orientation.patterns import pattern
 from anaplot.photogrammetry.block import Block
-from anaplot.planning.syntheticblock import SyntheticBlock
 from anaplot.plotter.conversation import Conversation
 from anaplot.plotter.device.hand import Hand, HandSettled, Offsets
 from anaplot.plotter.device.plotter import SimulatedPlotter

@@ -5,8 +5,8 @@ from __future__ import annotations
 from math import sqrt
 
 import pytest
+from syntheticblocks import synthetic_block
 
-from anaplot.planning.syntheticblock import synthetic_block
 from anaplot.session.accidents import accidents
 from anaplot.session.events import PlannedPoint
 from anaplot.session.modelstate import Measured, ModelState

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from blockmistakes import plant_in_block
 from plotterscene import Workplace
+from syntheticblocks import synthetic_block
 from transferscene import BlockBench, marked
 
 from anaplot import adjust
@@ -17,7 +18,6 @@ from anaplot.cli import main
 from anaplot.exchange.blockfolder import read_block, write_control
 from anaplot.exchange.camerafile import write_camera
 from anaplot.photogrammetry.block import TestSettings
-from anaplot.planning.syntheticblock import synthetic_block
 from anaplot.planning.syntheticcamera import with_calibration
 from anaplot.report.democommand import demo_document
 from anaplot.simulation.automatic import AutomaticOperator

@@ -14,13 +14,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from sessionscene import Scene
+from syntheticblocks import synthetic_block
 
 from anaplot.cli import main
 from anaplot.errors import NotComputableError
 from anaplot.exchange.blockfolder import write_control, write_image_points, write_new_block
 from anaplot.photogrammetry.block import Block, ImagePoint, Strip
 from anaplot.photogrammetry.photolayout import laid_out, overlap
-from anaplot.planning.syntheticblock import synthetic_block
 from anaplot.report import adjustcommand
 from anaplot.session.accidents import accidents
 from anaplot.session.modelstate import Measured

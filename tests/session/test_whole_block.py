@@ -10,12 +10,12 @@ from pathlib import Path
 import pytest
 from plotterscene import Workplace, block_of_options, misfit
 from scipy.special import chdtri
+from syntheticblocks import synthetic_block
 
 from anaplot.bundle.adjust import adjust_block
 from anaplot.exchange.blockfolder import read_block, write_image_points
 from anaplot.exchange.camerafile import write_camera
 from anaplot.photogrammetry.camera import CameraCalibration
-from anaplot.planning.syntheticblock import synthetic_block
 from anaplot.station.imagepoints import rows_of
 
 SEEDS = 6

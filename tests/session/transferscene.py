@@ -8,10 +8,10 @@ from functools import cache
 
 import numpy as np
 from deskscene import DRIVEN, Bench
+from syntheticblocks import SyntheticBlock, synthetic_block
 
 from anaplot.photogrammetry.block import TestSettings
 from anaplot.photogrammetry.readings import InPosition, Position, Record
-from anaplot.planning.syntheticblock import SyntheticBlock, synthetic_block
 from anaplot.session.commands import Accept, Drive, NextModel
 from anaplot.session.desk import Desk
 from anaplot.session.events import PlannedPoint
