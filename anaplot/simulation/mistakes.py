@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Set
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from math import sqrt
 from typing import Literal, NamedTuple
@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from anaplot.aliases import Axis
-from anaplot.errors import InputError, NotComputableError
+from anaplot.errors import NotComputableError
 from anaplot.orientation.diagnosis import diagnose
 from anaplot.orientation.model import WrongPointsError, orient
 from anaplot.orientation.ownpattern import PointPattern
@@ -27,9 +27,7 @@ __all__ = [
     "Planted",
     "Plot",
     "PointsOfModel",
-    "next_model_error",
     "plant_mistakes",
-    "swapped_pair",
     "with_sizes",
 ]
 
@@ -309,58 +307,6 @@ def _smallest_sizes(block: Block, model: ModelSolution) -> dict[tuple[str, str],
         row.key: SMALLEST * sigma * sqrt(q / max(row.r, 1e-9))
         for row, q in zip(model.table, model.q_l.tolist(), strict=True)
     }
-
-
-def swapped_pair(
-    model: ModelMistakes, truth: Truth, spared: Set[str]
-) -> tuple[list[Planted], dict[str, Offsets]]:
-    """Interchange the names of two neighbours in the right photo.
-
-    Parameters
-    ----------
-    model
-        Where it happens.
-    truth
-        True image coordinates [mm].
-    spared
-        Points that are to stay right.
-
-    Raises
-    ------
-    InputError
-        No two points of the model differ enough.
-    """
-    pair = _closest_pair(model, truth, [p for p in model.points if p not in spared])
-    if pair is None:
-        raise InputError(f"model {model.name} has no two points whose interchange shows")
-    return _swapped(model, truth, pair)
-
-
-def next_model_error(
-    model: ModelMistakes, following: ModelMistakes, spared: Set[str], rng: np.random.Generator
-) -> tuple[Planted, dict[str, Offsets]]:
-    """Miss a point in x that is no tie of its model, but one of the next.
-
-    Parameters
-    ----------
-    model, following
-        Where it happens, and where it shows.
-    spared
-        Points that are to have none.
-    rng
-        Chooses.
-
-    Raises
-    ------
-    InputError
-        The models have no such point.
-    """
-    later = sorted(following.ties - model.ties - spared)
-    if not later:
-        raise InputError(f"model {following.name} has no tie for a mistake of {model.name}")
-    point = later[int(rng.integers(len(later)))]
-    (planted,), moved = _x_error(model, point, following.name, False, rng)
-    return planted, moved
 
 
 def _detectable(

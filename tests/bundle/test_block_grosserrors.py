@@ -22,6 +22,7 @@ from anaplot.bundle.errors.grosserrors import block_gross_errors
 from anaplot.bundle.errors.leftout import without
 from anaplot.bundle.errors.snooping import model_values
 from anaplot.bundle.solve.problem import make_problem
+from anaplot.bundle.solve.reliability import cofactor_column
 from anaplot.bundle.solve.residuals import block_residuals
 from anaplot.bundle.solve.structure import make_structure
 from anaplot.errors import InputError
@@ -208,7 +209,8 @@ def test_a_coordinate_goes_alone_and_stays_visible() -> None:
         (n[1], n[2], n[4]) for n in names(scene, PLACES)
     }
     k = int(np.flatnonzero(block.problem.source == 27)[0])
-    assert block.cofactors.column(k, 1)[k, 1] == 0.0
+    cofactors = block.cofactors
+    assert cofactor_column(cofactors.normal, cofactors.factor, k, 1)[k, 1] == 0.0
     rays, q = block.cofactors.point_rays(int(block.problem.point[k]))
     at = 2 * int(np.flatnonzero(rays == k)[0]) + 1
     assert not q[at].any()

@@ -9,7 +9,6 @@ import numpy as np
 
 from anaplot.errors import InputError
 from anaplot.photogrammetry.block import Block
-from anaplot.planning.synthetic import Truth
 from anaplot.plotter.device.hand import Offsets
 from anaplot.session.modelstate import ModelState
 from anaplot.simulation.mistakes import (
@@ -18,8 +17,10 @@ from anaplot.simulation.mistakes import (
     Planted,
     Plot,
     PointsOfModel,
-    next_model_error,
-    swapped_pair,
+    Truth,
+    _closest_pair,
+    _swapped,
+    _x_error,
     with_sizes,
 )
 from anaplot.simulation.wrongfiducial import plant_wrong_fiducial
@@ -61,8 +62,8 @@ def plant_in_block(block: Block, truth: Truth, models: Sequence[ModelState], see
     first, second = with_sizes(block, truth, map(_measured, own[:2]))
     # of a control point the control tells before the model or the next one does
     given = {c.point for c in block.control}
-    pair, swapped = swapped_pair(first, truth, given)
-    hidden, missed = next_model_error(first, second, given | swapped.keys(), rng)
+    pair, swapped = _swapped_pair(first, truth, given)
+    hidden, missed = _next_model_error(first, second, given | swapped.keys(), rng)
     transferred, beside = _transfer_error(second, given | swapped.keys() | missed.keys(), rng)
     measured = {p.point for model in models[:-1] for p in model.plan}
     here = {p.point for model in models[:-1] if model.strip == last.strip for p in model.plan}
@@ -83,6 +84,58 @@ def plant_in_block(block: Block, truth: Truth, models: Sequence[ModelState], see
 def _measured(model: ModelState) -> PointsOfModel:
     ties = frozenset(p.point for p in model.plan if p.role == "tie")
     return PointsOfModel(model.photos, tuple(p.point for p in model.plan), ties)
+
+
+def _swapped_pair(
+    model: ModelMistakes, truth: Truth, spared: Set[str]
+) -> tuple[list[Planted], dict[str, Offsets]]:
+    """Interchange the names of two neighbours in the right photo.
+
+    Parameters
+    ----------
+    model
+        Where it happens.
+    truth
+        True image coordinates [mm].
+    spared
+        Points that are to stay right.
+
+    Raises
+    ------
+    InputError
+        No two points of the model differ enough.
+    """
+    pair = _closest_pair(model, truth, [p for p in model.points if p not in spared])
+    if pair is None:
+        raise InputError(f"model {model.name} has no two points whose interchange shows")
+    return _swapped(model, truth, pair)
+
+
+def _next_model_error(
+    model: ModelMistakes, following: ModelMistakes, spared: Set[str], rng: np.random.Generator
+) -> tuple[Planted, dict[str, Offsets]]:
+    """Miss a point in x that is no tie of its model, but one of the next.
+
+    Parameters
+    ----------
+    model, following
+        Where it happens, and where it shows.
+    spared
+        Points that are to have none.
+    rng
+        Chooses.
+
+    Raises
+    ------
+    InputError
+        The models have no such point.
+    """
+    later = sorted(following.ties - model.ties - spared)
+    if not later:
+        raise InputError(f"model {following.name} has no tie for a mistake of {model.name}")
+    point = later[int(rng.integers(len(later)))]
+    (planted,), moved = _x_error(model, point, following.name, False, rng)
+    return planted, moved
 
 
 def _transfer_error(

@@ -251,10 +251,6 @@ class Cofactors:
         out: Array = weighted[:, :, None] * np.eye(2 * k) - adjusted
         return out
 
-    def column(self, ray: int, axis: int) -> Array:
-        """Return (m, 2): a column of Q_vv P of the image coordinates, see `cofactor_column`."""
-        return cofactor_column(self.normal, self.factor, ray, axis)
-
 
 def cofactor_column(normal: NormalEquations, factor: Factor, ray: int, axis: int) -> Array:
     """Return (m, 2): a column of Q_vv P of the image coordinates (Gruen 1980, eq. 12-17).
