@@ -253,13 +253,12 @@ def read_columns(
     xy: Array,
     sigma_um: Sequence[float] | Array,
     beside: tuple[Coded[str | None], Coded[Use | None], Coded[str | None]],
-    measured: Array | None = None,
 ) -> PointColumns:
     """Return columns as a file has them.
 
     Parameters
     ----------
-    photo, point, xy, measured
+    photo, point, xy
         As `PointColumns` has them.
     sigma_um
         NaN for the block's default.
@@ -275,7 +274,6 @@ def read_columns(
         model,
         use.each(lambda one: one or "xy"),
         reason,
-        measured,
     )
 
 

@@ -58,13 +58,13 @@ class ImageParts(NamedTuple):
         return out
 
 
-def image_parts(problem: Problem, side: int = REGIONS) -> ImageParts:
-    """Return the photos of a bundle with their regions, `side` by `side` on each format.
+def image_parts(problem: Problem) -> ImageParts:
+    """Return the photos of a bundle with their regions, `REGIONS` by `REGIONS` on each format.
 
     Of a camera without a format, what is measured in its photos spans the grid, whether it counts
     or not: rays that are switched off move no border.
     """
-    block, n, m = problem.block, len(problem.photos), len(problem.photo)
+    block, n, m, side = problem.block, len(problem.photos), len(problem.photo), REGIONS
     half = _reaches(block)[problem.cameras[problem.photo]]
     place = np.floor((problem.ideal / half + 1.0) * (0.5 * side)).astype(np.intp)
     column, row = np.clip(place, 0, side - 1).T
