@@ -9,8 +9,8 @@ from pathlib import Path
 
 from anaplot.errors import InputError
 from anaplot.report.commandparser import NewPage, NewTarget
-from anaplot.report.keywords import separated
 from anaplot.shares.address import LOCAL, cluster_address
+from anaplot.textfiles.separated import separated
 
 __all__ = [
     "add_matrix",

@@ -10,6 +10,7 @@ from inspect import signature
 from typing import Any, ParamSpec, TypeAlias, TypeVar
 
 from anaplot.errors import InputError
+from anaplot.textfiles.separated import separated
 from anaplot.textfiles.wording import hint, plain, quoted
 
 __all__ = [
@@ -18,7 +19,6 @@ __all__ = [
     "declared_options",
     "keywords_of",
     "names_in",
-    "separated",
     "takes_options",
     "value_typed",
 ]
@@ -108,27 +108,6 @@ def keywords_of(compute: Callable[..., object], options: Mapping[str, Any]) -> d
 def names_in(given: str | Iterable[str]) -> tuple[str, ...]:
     """Return names that are given one by one, or `separated` by commas."""
     return tuple(name for name in (separated(given) if isinstance(given, str) else given) if name)
-
-
-def separated(text: str) -> tuple[str, ...]:
-    """Return parts with commas between; one in double quotes may hold some, as in a CSV file.
-
-    Raises
-    ------
-    InputError
-        A quote is not closed, or something stands behind it.
-    """
-    parts = tuple(part.strip() for part in text.split(","))
-    if not any(part.startswith('"') for part in parts):
-        return parts
-    import csv
-
-    try:
-        return tuple(
-            part.strip() for part in next(csv.reader([text], skipinitialspace=True, strict=True))
-        )
-    except csv.Error as error:
-        raise InputError(f"{plain(text)}: no parts with commas between: {error}") from error
 
 
 def _checked(action: argparse.Action, value: Any) -> Any:

@@ -401,6 +401,7 @@ def test_names_are_found_however_odd_they_are(odd) -> None:
     assert texts(odd, "points:a,b") == xyz("a") + xyz("b")
     assert texts(odd, "point:a,b") == xyz("a,b")
     assert texts(odd, "points: b , a") == xyz("b") + xyz("a")
+    assert texts(odd, 'points:b,"a,b","a,b:Z"') == xyz("b") + xyz("a,b")
     assert texts(odd, "point:7:Z") == xyz("7:Z")
     assert texts(odd, "point:7:X", "point:7:Z:Y") == ["point:7:X", "point:7:Z:Y"]
     assert texts(odd, "points:7,7:X,b:Z") == [*xyz("7"), "point:b:Z"]

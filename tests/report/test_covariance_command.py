@@ -153,6 +153,7 @@ def test_more_than_is_shown_goes_into_a_file(folder, names, capsys, tmp_path, mo
         (["--covariance", "photos:1O1"], "no photo '1O1' in the adjusted block (did you mean"),
         (["--covariance", "parameters"], "without additional parameters"),
         (["--covariance", "points:,"], "nothing is named"),
+        (["--covariance", 'points:"7,8'], """--covariance: "7,8: no parts with commas between"""),
     ],
 )  # fmt: skip
 def test_what_goes_wrong_is_one_line(folder, capsys, words, said) -> None:

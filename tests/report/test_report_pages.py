@@ -32,11 +32,12 @@ from anaplot.report.html.pages.strippage import strip_report
 from anaplot.report.html.parts import Report, drawings_in, tables_in
 from anaplot.report.html.render import html_of
 from anaplot.report.html.sections.definitions import columns_shown
-from anaplot.report.keywords import separated, value_typed
+from anaplot.report.keywords import value_typed
 from anaplot.report.pageoption import as_typed
 from anaplot.report.planarguments import add_block_arguments, add_network_arguments
 from anaplot.report.reportarguments import add_report_arguments
 from anaplot.report.verdicts import probability
+from anaplot.textfiles.separated import separated
 
 HOSTILE = "</td><script>alert(1)</script>"
 

@@ -14,6 +14,7 @@ from anaplot.bundle.solve.parameternames import (
 from anaplot.bundle.solve.problem import Problem
 from anaplot.errors import InputError
 from anaplot.photogrammetry.posterior import CoordinateName
+from anaplot.textfiles.separated import separated
 from anaplot.textfiles.wording import hint, quoted
 
 __all__ = ["UnknownName", "unknowns_meant", "unknowns_of"]
@@ -31,9 +32,10 @@ def unknowns_meant(problem: Problem, wanted: Iterable[str], option: str) -> tupl
         The bundle.
     wanted
         "points", "photos", "parameters" and "offsets" for all of them; "points:A,B", "photos:101",
-        "parameters:c,k1" for some; "point:NAME", "photo:NAME" and "parameter:NAME" for one, whose
-        name may hold commas and colons; a name of a point or photo alone. One unknown of an owner
-        stands behind a colon: "point:7:Z", "parameter:GROUP:k1", "offset:STRIP:shift_X".
+        "parameters:c,k1" for some (`separated`: 'points:7,"12,a"'); "point:NAME", "photo:NAME" and
+        "parameter:NAME" for one, whose name may hold commas and colons; a name of a point or photo
+        alone. One unknown of an owner stands behind a colon: "point:7:Z", "parameter:GROUP:k1",
+        "offset:STRIP:shift_X".
     option
         What messages call it.
 
@@ -97,12 +99,11 @@ class _Known:
         if kind in self._owners and word != kind:
             if not colon:
                 return self._all(kind)
-            return [
-                found
-                for name in rest.split(",")
-                if name.strip()
-                for found in self._one(kind, name.strip())
-            ]
+            try:
+                parts = separated(rest)
+            except InputError as error:
+                raise InputError(f"{self._option}: {error}") from error
+            return [found for name in parts if name for found in self._one(kind, name)]
         if kind in self._owners and colon:
             found = self._found(kind, rest)
             if found:
