@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from itertools import takewhile
@@ -32,7 +33,6 @@ from anaplot.photogrammetry.block import Block, ImagePoint
 from anaplot.report.adjustcommand import adjust
 from anaplot.report.columns import counted
 from anaplot.report.document import BLANK, Document, say
-from anaplot.report.journalnote import journal_note
 from anaplot.report.output import Output
 from anaplot.report.running import computed, run_computation
 from anaplot.textfiles.wording import first_of, place, quoted
@@ -67,12 +67,12 @@ def run_adjust(options: argparse.Namespace) -> int:
         raise InputError("--apply goes with --errors or --thin")
     with sessions_kept_out(folder):
         block = read_block(folder)
-        _check_session(folder, block)
         before = block.image_points
         output = Output.of(options)
         output.check({"is read": reads})
         if options.apply_undo:
-            return _undone(options, output, before)
+            return _undone(options, output, block)
+        _check_session(folder, block)
         found = computed(options, adjust)
         rows: Sequence[ImagePoint] = before
         if options.errors is not None:
@@ -129,10 +129,12 @@ def _way_out(names: Sequence[ObservationName]) -> str:
     return "; ".join(parts) or "what is known of parameters beforehand is stated with them"
 
 
-def _undone(options: argparse.Namespace, output: Output, before: Sequence[ImagePoint]) -> int:
+def _undone(options: argparse.Namespace, output: Output, block: Block) -> int:
     """Take back what was switched off, adjust without that and show it."""
-    names = _reasons(options) or STRATEGIES
+    names, before = _reasons(options) or STRATEGIES, block.image_points
     rows = taken_back(before, names)
+    # as it will be: what is taken back may be what the journal contradicts
+    _check_session(options.block, replace(block, image_points=rows))
     _write(options.block, before, rows)
     count = sum(now != then for now, then in zip(rows, before, strict=True))
     said = f"{counted(count, 'image point is', 'image points are')} as before --apply"
@@ -227,10 +229,20 @@ def _left(rows: Iterable[ImagePoint], names: Collection[str]) -> str:
 
 
 def _check_session(folder: Path, block: Block) -> None:
-    """Refuse a file of which the session's journal says something else: nobody could open it."""
-    note = journal_note(folder, block)
-    if note is not None and note["count"]:
-        raise InputError(f"{note['remark']}; nothing is written")
+    """Refuse a file of which the session's journal says something else: nobody could open it.
+
+    What the session takes over when it is opened may go on, and go back.
+    """
+    if not os.path.lexists(folder / "sessions"):
+        return
+    # only blocks with a session need what a session needs
+    from anaplot.station.journaled import journaled
+
+    found = journaled(folder, block)
+    foreign = tuple(row for row in found.edited if not row.taken_over)
+    if foreign:
+        remark = found._replace(edited=foreign).remark(folder)
+        raise InputError(f"{remark}; nothing is written")
 
 
 def _write(folder: Path, before: Sequence[ImagePoint], rows: Sequence[ImagePoint]) -> None:

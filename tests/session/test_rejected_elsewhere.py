@@ -280,6 +280,37 @@ def test_open_takes_over_what_adjust_applied(
 
 
 @pytest.mark.slow
+def test_what_is_applied_goes_on_and_back_before_a_session_is_opened(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "b"
+    state = folder_of(folder)
+    rows = read_block(folder).image_points
+    first, second = (one.point for one in state.models[0].plan[:2])
+    write_image_points(folder, applied(rows, [("image", "102", first, "101/102", "y")], "tau"))
+    free = ["adjust", str(folder), "--datum", "free"]
+    # another strategy finds nothing more here, and is not kept from it
+    assert main([*free, "--errors", "baarda", "--apply", "--json"]) == 0
+    now = read_block(folder).image_points
+    found = [("image", "102", second, "101/102", "y")]
+    write_image_points(folder, applied(now, found, "search"))
+    assert main([*free, "--errors", "search", "--apply-undo"]) == 0
+    assert read_block(folder).image_points == now
+    assert main([*free, "--apply-undo"]) == 0
+    assert read_block(folder).image_points == rows
+    assert journaled(folder, read_block(folder)).edited == ()
+    # what somebody else changed is refused still
+    moved = (replace(rows[0], x=rows[0].x + 0.05), *rows[1:])
+    write_image_points(folder, moved)
+    for words in (["--errors", "search", "--apply"], ["--apply-undo"]):
+        assert main([*free, *words]) == 2
+        assert capsys.readouterr().err.endswith(
+            "then measure again in the console; nothing is written\n"
+        )
+    assert read_block(folder).image_points == moved
+
+
+@pytest.mark.slow
 def test_what_was_taken_back_is_not_taken_over_again_where_the_file_could_not_be_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
