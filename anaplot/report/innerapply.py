@@ -214,8 +214,10 @@ def merged(
     Raises
     ------
     InputError
-        One of the photos has rows already.
+        One of the photos has rows already, or a session has measured it: whatever stands in the
+        file, opening the block brings its rows back.
     """
+    _check_session(measured, [photo.photo for photo in photos if photo.replaced])
     for photo in photos:
         if photo.replaced and not replace:
             there = counted(len(photo.replaced), "row")
@@ -226,6 +228,25 @@ def merged(
     new = {photo.photo for photo in photos}
     kept = (row for row in measured.block.image_points if row.photo not in new)
     return (*kept, *(row for photo in photos for row in photo.rows))
+
+
+def _check_session(measured: Measured, photos: Sequence[str]) -> None:
+    """Refuse to put rows in the place of those that a session has accepted."""
+    folder = measured.folder
+    if not photos or not os.path.lexists(folder / "sessions"):
+        return
+    # only blocks with a session need what a session needs
+    from anaplot.station.journaled import journaled
+
+    state = journaled(folder, measured.block).state
+    for model in () if state is None else state.models:
+        for photo in model.photos:
+            if photo in photos:
+                raise InputError(
+                    f"{place(block_files(folder)[1])}: photo {quoted(photo)} was measured in the "
+                    f"console (model {plain(model.name)}), which brings its rows back: what was "
+                    "measured elsewhere belongs into a block of its own"
+                )
 
 
 def write(measured: Measured, rows: Sequence[ImagePoint]) -> None:

@@ -15,6 +15,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from test_innercommand import options
 
+from anaplot.cli import main
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import read_block, read_declared
 from anaplot.exchange.camerafile import parse_camera
@@ -286,6 +287,34 @@ def test_models_uses_and_reasons_are_carried_along(make_bench):
     assert (second.model, second.use, second.reason) == ("102/103", "off", "blurred")
     bench.points.write_text(f"{lines[0]},model\n{lines[1]},101/103\n")
     assert "points.csv line 2: model: " in bench.refused("--replace")
+
+
+@pytest.mark.slow
+def test_rows_that_a_session_has_accepted_stay(tmp_path, capsys):
+    """They came back beside the new ones when the block was opened."""
+    session = Path(__file__).parents[1] / "sessions" / "changes.jsonl"
+    folder = tmp_path / "b"
+    assert main(["replay", str(session), "--to", str(folder)]) == 0
+    (folder / "sessions").mkdir()
+    (folder / "sessions" / "0001.jsonl").write_bytes(session.read_bytes())
+    (camera,) = read_block(folder).cameras
+    corners = {
+        "1": (-110.0, -110.0),
+        "2": (110.0, 110.0),
+        "3": (-110.0, 110.0),
+        "4": (110.0, -110.0),
+    }
+    marks = "".join(f"{name} = [{x}, {y}]\n" for name, (x, y) in corners.items())
+    head = f'format = 1\n[camera]\nid = "{camera.id}"\nc = {camera.c}\n[fiducials]\n'
+    (tmp_path / "camera.toml").write_text(head + marks)
+    bench = Bench(folder, tmp_path / "scan.toml", tmp_path / "points.csv", {})
+    bench.fiducials.write_text(f'format = 1\ncamera = "camera.toml"\n[photo.102]\n{marks}')
+    bench.points.write_text("photo,point,x,y\n102,new,10.0,20.0\n")
+    capsys.readouterr()
+    for words in ([], ["--replace"]):
+        message = bench.refused(*words)
+        assert "photo '102' was measured in the console (model 101/102), which brings" in message
+        assert "--replace" not in message
 
 
 def test_rows_of_other_photos_stay_and_of_the_same_only_go_when_asked(make_bench, capsys):
