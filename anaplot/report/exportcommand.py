@@ -11,11 +11,13 @@ from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import read_block
 from anaplot.exchange.formats.door import SOURCE, Exported, Exporting, ExportOptions
 from anaplot.exchange.formats.registry import Format, format_of, module_of
+from anaplot.photogrammetry.block import Block
 from anaplot.report.columns import counted
 from anaplot.report.document import Document, say
 from anaplot.report.doorarguments import refuse_unused
 from anaplot.report.exportresult import adjusted_result
 from anaplot.report.importcommand import note_lines
+from anaplot.report.journalnote import journal_note, with_journal_notes
 from anaplot.report.output import Output
 from anaplot.report.progress import working
 from anaplot.textfiles.wording import place
@@ -37,21 +39,26 @@ def run_export(options: argparse.Namespace) -> int:
     if os.path.lexists(options.output):
         raise InputError(f"{place(options.output)}: exists already and is not overwritten")
     with working(f"reading {options.block}") as line:
-        written = _written(options, chosen, given, line)
+        block = read_block(options.block)
+        noted = journal_note(options.block, block)
+        written = _written(options, block, chosen, given, line)
     notes = [{**asdict(note), "examples": list(note.examples)} for note in written.notes]
     answer = {"kind": chosen.kind, "files": [str(file) for file in written.files], "notes": notes}
     page = (
         say("{}: {}, {}", str(options.output), chosen.title, counted(len(written.files), "file")),
         *note_lines(written.notes),
     )
-    Output.of(options).show(Document(answer, page, ()))
+    Output.of(options).show(with_journal_notes(Document(answer, page, ()), noted))
     return 0
 
 
 def _written(
-    options: argparse.Namespace, chosen: Format, given: ExportOptions, progress: Progress
+    options: argparse.Namespace,
+    block: Block,
+    chosen: Format,
+    given: ExportOptions,
+    progress: Progress,
 ) -> Exported:
-    block = read_block(options.block)
     source = options.block / SOURCE
     starts = any(os.path.lexists(source / name) for name in chosen.starts_from)
     wanted = bool(block.control) if chosen.adjusted == "control" else chosen.adjusted

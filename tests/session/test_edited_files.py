@@ -208,6 +208,9 @@ def computed(work: Work, capsys: pytest.CaptureFixture[str]) -> tuple[list[dict]
     answers.append(json.loads(capsys.readouterr().out))
     assert main(["bridge", str(work.folder)]) == 0
     text = capsys.readouterr().out
+    target = work.folder.with_name(f"tables-{len(list(work.folder.parent.iterdir()))}")
+    assert main(["export", "csv", str(work.folder), "-o", str(target), "--json"]) == 0
+    answers.append(json.loads(capsys.readouterr().out))
     answers.append(adjust(work.folder, datum="free").to_dict())
     answers.append(find_gross_errors(work.folder, "tau", datum="free").to_dict())
     return answers, text
