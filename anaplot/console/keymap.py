@@ -44,11 +44,24 @@ def _is_key(key: str) -> bool:
     return (len(last) == 1 and last.isprintable()) or last in _NAMED
 
 
+def _sent_instead(key: str) -> str:
+    """Return what a terminal sends for a key as written: A for shift+a, ctrl+a for ctrl+A."""
+    *modifiers, last = key.split("+")
+    if not modifiers or len(last) != 1:
+        return key
+    if "shift" in modifiers:
+        modifiers.remove("shift")
+        last = last.upper()
+    return "+".join([*modifiers, last.lower() if "ctrl" in modifiers else last])
+
+
 def _keys(text: str) -> str:
     keys = [key.strip() for key in text.split(",")]
     for key in keys:
         if not _is_key(key):
             raise WrongValueError(f"{quoted(key)} is no key")
+        if (sent := _sent_instead(key)) != key:
+            raise WrongValueError(f"{quoted(key)} is no key: terminals send {quoted(sent)}")
         if key in _RESERVED:
             raise WrongValueError(f"{key} is kept for leaving and the palette")
     return ",".join(keys)

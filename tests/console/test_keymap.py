@@ -26,8 +26,10 @@ def test_the_document_lists_every_action_with_its_default_keys():
 
 
 def test_a_keymap_is_read(tmp_path):
-    path = write(tmp_path, 'record = "f5, ctrl+r"\naccept = "A"\nadd_point = "+"\n')
+    more = 'far_up = "shift+up,alt+K,ctrl+pageup,shift+f5"\n'
+    path = write(tmp_path, f'record = "f5, ctrl+r"\naccept = "A"\nadd_point = "+"\n{more}')
     keymap = load_keymap(path)
+    assert keymap.pop("far_up") == "shift+up,alt+K,ctrl+pageup,shift+f5"
     assert keymap == {"record": "f5,ctrl+r", "accept": "A", "add_point": "+"}
     assert keys_in_force(keymap)["record"] == ("f5", "ctrl+r")
 
@@ -51,6 +53,10 @@ def test_two_keys_may_change_places(tmp_path):
         ('record = "ctrl+ctrl+a"', "is no key"),
         ('record = "hyperspace+a"', "is no key"),
         ('record = "ctrl+q"', "kept for leaving"),
+        ('record = "shift+k"', "'shift+k' is no key: terminals send 'K'"),
+        ('record = "alt+shift+k"', "terminals send 'alt+K'"),
+        ('record = "ctrl+K"', "terminals send 'ctrl+k'"),
+        ('record = "f5,ctrl+shift+K"', "terminals send 'ctrl+k'"),
         ('record = "\\u001b"', r"'\x1b' is no key"),
         ('"\\u001b[2J" = "f5"', r"\x1b[2J: unknown key"),
         ("record = = 1", "line 1"),
