@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import threading
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from pathlib import Path
@@ -198,7 +199,7 @@ def _obey_lines(
 ) -> None:
     """Read control lines until they end."""
     for line in control:
-        words = line.split()
+        words = _words(line)
         if not words:
             continue
         if words[0] in ("quit", "q"):
@@ -212,6 +213,16 @@ def _obey_lines(
             tell(f"SIMULATED  {answer}")
         if ended.is_set():
             return
+
+
+def _words(line: str) -> list[str]:
+    """Return the words of a control line; a name with blanks stands in double quotes."""
+    reader = shlex.shlex(line, posix=True)
+    reader.whitespace_split, reader.quotes, reader.escape, reader.commenters = True, '"', "", ""
+    try:
+        return list(reader)
+    except ValueError:  # a quote that is not closed is part of a name
+        return line.split()
 
 
 def obey(simulator: SimulatedPlotter, words: list[str]) -> str:
@@ -230,6 +241,8 @@ def obey(simulator: SimulatedPlotter, words: list[str]) -> str:
         When the line is not understood.
     """
     verb, rest = words[0], words[1:]
+    if words == ["help"]:
+        return _HELP
     if verb == "press" and len(rest) <= 1:
         sent = simulator.press(rest[0] if rest else None)
         return "pressed" if sent else "pressed; the host must notice this switch itself"
