@@ -8,11 +8,13 @@ one thread; a progress function that raises stops it, and the last answer stays.
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
-from anaplot.aliases import Progress
+from anaplot.aliases import Index, Progress
 from anaplot.bundle.adjust import adjust_problem, evaluate
 from anaplot.bundle.errors.wrongray import SuspectRay, explained, suspect_rays_of
 from anaplot.bundle.onward import adjust_onward
@@ -30,6 +32,7 @@ from anaplot.photogrammetry.block import Block
 __all__ = ["LiveAnswer", "LiveBlock", "answer_of"]
 
 _CHORD_STEPS = 4
+_JOINING = 3  # common points that hold a strip to another
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -118,12 +121,19 @@ class LiveBlock:
                 hanging = problem
                 continue
             if datum == "free":
-                problem, aside = self._connected(problem)
+                problem, aside = self._part(problem, components(problem))
             try:
                 adjusted = self._adjusted(problem, progress)
             except NotComputableError as caught:
                 error = error or caught
-                continue
+                smaller, more = self._part(problem, _joined_strips(problem))
+                if datum != "free" or not more:
+                    continue
+                try:
+                    adjusted = self._adjusted(smaller, progress)
+                except NotComputableError:
+                    continue
+                aside = (*aside, *more)
             return self._keep(adjusted, aside)
         if hanging is not None:
             # what is missing first of all is the datum, and that is told in words
@@ -131,10 +141,9 @@ class LiveBlock:
         assert error is not None
         raise error
 
-    def _connected(self, problem: Problem) -> tuple[Problem, tuple[str, ...]]:
+    def _part(self, problem: Problem, labels: Index) -> tuple[Problem, tuple[str, ...]]:
         """Restrict to the part with most rays; names the photos of the others."""
-        labels = components(problem)
-        if labels.max() == 0:
+        if labels.max(initial=0) == 0:
             return problem, ()
         largest = int(np.argmax(np.bincount(labels[problem.photo])))
         aside = tuple(
@@ -208,6 +217,28 @@ def answer_of(adjusted: AdjustedBlock, aside: tuple[str, ...] = ()) -> LiveAnswe
         explained={point: explained(adjusted, point) for point in points},
         aside=aside,
     )
+
+
+def _joined_strips(problem: Problem) -> Index:
+    """Return the part that each photo belongs to, of strips that three common points join.
+
+    About a line of two a strip may turn, and nothing of the block is determined then. Photos of no
+    strip are with the others of none.
+    """
+    strip_of = {name: strip.id for strip in problem.block.strips for name in strip.photos}
+    strips = [strip_of.get(name) for name in problem.photos]
+    names = list(dict.fromkeys(strips))
+    seen: dict[int, set[int]] = {}
+    for photo, point in zip(problem.photo.tolist(), problem.point.tolist(), strict=True):
+        seen.setdefault(point, set()).add(names.index(strips[photo]))
+    common = Counter(pair for of in seen.values() for pair in combinations(sorted(of), 2))
+    joined = [pair for pair, count in common.items() if count >= _JOINING]
+    labels = list(range(len(names)))
+    for first, second in joined:
+        old, new = labels[second], labels[first]
+        labels = [new if label == old else label for label in labels]
+    found = np.array([labels[names.index(strip)] for strip in strips], dtype=np.intp)
+    return np.unique(found, return_inverse=True)[1].astype(np.intp)
 
 
 def _hangs(problem: Problem) -> bool:

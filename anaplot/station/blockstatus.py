@@ -280,7 +280,7 @@ def status_of(
     elif (wrong := _surest(accidents, () if state is None else state.models)) is not None:
         step = NextStep("return", f"anaplot open {folder}", wrong.model, point=wrong.accident.point)
     else:
-        apart = None if state is None else untied(strips, coverage)
+        apart = None if state is None else untied(strips, coverage, view)
         step = following(opened, measured, named, folder, state, held=is_held(block), untied=apart)
     return BlockStatus(strips, recomputed, view, coverage, step, accidents, ways_to_open(block))
 
@@ -303,7 +303,9 @@ def _surest(accidents: BlockAccidents, models: Sequence[ModelState]) -> FiledAcc
     return None
 
 
-def untied(strips: Iterable[StripStatus], coverage: Coverage) -> Untied | None:
+def untied(
+    strips: Iterable[StripStatus], coverage: Coverage, view: BlockView | None = None
+) -> Untied | None:
     """Return the first strip that hangs together with no other, where a model of it can be opened.
 
     Parameters
@@ -312,9 +314,13 @@ def untied(strips: Iterable[StripStatus], coverage: Coverage) -> Untied | None:
         In the order of block.toml.
     coverage
         What ties them together.
+    view
+        What the block as one bundle says: strips that too few points join wait aside there.
     """
+    aside = frozenset(() if view is None else view.aside)
     for strip in strips:
-        if strip.strip in coverage.apart:
+        photos = {p for model in strip.models if model.done for p in (model.left, model.right)}
+        if strip.strip in coverage.apart or (photos and photos <= aside):
             for model in strip.models:
                 if model.done:
                     return Untied(strip.strip, model.name)

@@ -109,7 +109,7 @@ class LiveStatus:
         if ahead.next_model is not None and first_open(strips):
             opened = "/".join(ahead.next_model[1:])
         measured, held = bool(block.image_points), is_held(block)
-        apart = untied(strips, self._coverage)
+        apart = untied(strips, self._coverage, view)
         step = following(
             opened, measured, view, self._folder, state, ahead, held=held, untied=apart
         )

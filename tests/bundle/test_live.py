@@ -16,6 +16,7 @@ from anaplot.bundle.live import LiveAnswer, LiveBlock
 from anaplot.bundle.solve.additional import additional_parameters
 from anaplot.bundle.solve.structure import Structure
 from anaplot.errors import InputError, NotComputableError
+from anaplot.photogrammetry.block import Block, Strip
 
 
 def agree(first, second) -> None:
@@ -97,6 +98,41 @@ def test_parts_that_do_not_hang_together_wait_aside(named: str | None) -> None:
     assert answer.adjusted.state.shared.size == (12 if named == "ebner" else 0)
     assert set(answer.aside) in ({"101", "102"}, {"203", "204"})
     assert len(answer.adjusted.photo_rows()) == 2
+
+
+def test_a_strip_that_may_turn_about_two_points_waits_aside() -> None:
+    """Nothing was determined then, and the page of the block empty."""
+    scene = aerial(2, 3, per_base=2, noise_um=5.0)
+    strips = (Strip("1", ("101", "102", "103")), Strip("2", ("201", "202", "203")))
+    of = {name: strip.id for strip in strips for name in strip.photos}
+    both = [
+        point
+        for point in dict.fromkeys(row.point for row in scene.block.image_points)
+        if {of[row.photo] for row in scene.block.image_points if row.point == point} == {"1", "2"}
+    ]
+    assert len(both) > 5
+
+    def joined_by(points) -> Block:
+        own = {p for p in both if p not in points}
+        rows = tuple(
+            replace(r, point=f"{r.point}-{of[r.photo]}") if r.point in own else r
+            for r in scene.block.image_points
+        )
+        return replace(scene.block, strips=strips, image_points=rows, control=())
+
+    two, three = joined_by((both[0], both[-1])), joined_by((both[0], both[2], both[-1]))
+    with pytest.raises(NotComputableError, match="leave a movement open"):
+        adjust_block(two, datum="free")
+    live = LiveBlock(two)
+    answer = live.update(two)
+    assert set(answer.aside) in ({"101", "102", "103"}, {"201", "202", "203"})
+    assert len(answer.adjusted.photo_rows()) == 3
+    answer = live.update(three)
+    assert answer.aside == ()
+    agree(answer.adjusted, adjust_block(three, datum="free"))
+    # what says where the other strip lies is not waited for
+    held = live.update(replace(two, control=scene.block.control))
+    assert (held.datum, held.aside) == ("control", ())
 
 
 def test_errors_leave_the_last_answer() -> None:

@@ -166,6 +166,10 @@ def test_strips_without_a_common_point_are_to_be_tied(common: bool) -> None:
         assert (step.do, step.strip, step.model) == ("tie", "8", "103/104")
         assert step.words == "tie strip 8 to the others in model 103/104"
         assert step.opens
+    # fewer common points than hold a strip: it waits aside in the block
+    view = BlockView("103/104", 2, False, aside=("101", "102"))
+    assert untied(standing, coverage, view) == ("7", "101/102")
+    assert untied(standing, coverage, replace(view, aside=("102",))) == found
     # what is still to be measured may tie them
     assert following("105/106", True, None, "b", untied=found).do == "measure"
 
