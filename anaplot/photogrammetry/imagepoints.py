@@ -11,7 +11,14 @@ from anaplot.photogrammetry.imagepoint import ImagePoint
 if TYPE_CHECKING:
     from anaplot.photogrammetry.pointcolumns import PointColumns
 
-__all__ = ["LARGEST_MM", "ImagePoints", "check_coordinates", "columns_of", "names_of"]
+__all__ = [
+    "LARGEST_MM",
+    "ImagePoints",
+    "check_coordinates",
+    "columns_of",
+    "counting_names_of",
+    "names_of",
+]
 
 LARGEST_MM = 1e7
 """Above all image coordinates and camera constants; their squares are numbers."""
@@ -73,6 +80,14 @@ class ImagePoints(Sequence[ImagePoint]):
             return ((row.photo, row.point) for row in self._rows or ())
         return zip(self._columns.photo.listed(), self._columns.point.listed(), strict=True)
 
+    @property
+    def counting(self) -> Iterator[tuple[str, str]]:
+        """`names` of the rows that are not off."""
+        if self._rows is not None or self._columns is None:
+            return ((row.photo, row.point) for row in self._rows or () if row.use != "off")
+        uses = self._columns.use.listed()
+        return (names for names, use in zip(self.names, uses, strict=True) if use != "off")
+
     def __len__(self) -> int:
         return len(self.columns) if self._rows is None else len(self._rows)
 
@@ -114,6 +129,11 @@ class ImagePoints(Sequence[ImagePoint]):
 def names_of(rows: Iterable[ImagePoint]) -> Iterator[tuple[str, str]]:
     """Return photo and point of image points; those of a block are not made rows for it."""
     return (rows if isinstance(rows, ImagePoints) else ImagePoints(rows)).names
+
+
+def counting_names_of(rows: Iterable[ImagePoint]) -> Iterator[tuple[str, str]]:
+    """Return `names_of` those image points that are not off."""
+    return (rows if isinstance(rows, ImagePoints) else ImagePoints(rows)).counting
 
 
 def columns_of(rows: Iterable[ImagePoint]) -> PointColumns:

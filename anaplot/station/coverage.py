@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 from anaplot.photogrammetry.block import Block, Strip
-from anaplot.photogrammetry.imagepoints import names_of
+from anaplot.photogrammetry.imagepoints import counting_names_of
 
 __all__ = ["Coverage", "coverage_of", "is_held"]
 
@@ -43,13 +43,13 @@ def is_held(block: Block) -> bool:
 
 
 def coverage_of(block: Block) -> Coverage:
-    """Return a block's lateral ties and control, as far as they are measured."""
+    """Return a block's lateral ties and control, as far as they are measured and not off."""
     known = [point.point for point in block.control if point.use != "off"]
     photos_of: dict[str, set[str]] = {name: set() for name in known}
     of_photo = _strips_of_photos(block.strips)
     strips_of: dict[str, frozenset[str]] = {}
     # looked at after every accepted model: a point of one strip alone keeps that strip's set
-    for photo, point in names_of(block.image_points):
+    for photo, point in counting_names_of(block.image_points):
         if point in photos_of:
             photos_of[point].add(photo)
         own = of_photo.get(photo)

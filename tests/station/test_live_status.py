@@ -11,6 +11,7 @@ from sessionscene import Scene
 from anaplot.cli import command_parser
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import ControlPoint, ImagePoint, Strip, TestSettings
+from anaplot.photogrammetry.imagepoints import ImagePoints, columns_of
 from anaplot.session.desk import Desk
 from anaplot.session.events import ModelAccepted, ModelReopened, RowSwitched
 from anaplot.session.models import solve
@@ -334,10 +335,12 @@ def test_lateral_ties_and_control_are_those_of_the_photos_that_see_them() -> Non
             for k in range(draw.randint(0, 3))
         )
         seen = [(draw.choice(photos), f"p{draw.randint(0, 5)}") for _ in range(draw.randint(0, 15))]
+        rows = [(names, draw.choice(("xy", "xy", "y", "off"))) for names in seen]
+        seen = [names for names, use in rows if use != "off"]
         one = replace(
             block,
             strips=strips,
-            image_points=tuple(ImagePoint(*names, 1.0, 2.0) for names in seen),
+            image_points=tuple(ImagePoint(*names, 1.0, 2.0, use=use) for names, use in rows),
             control=(ControlPoint("p1", (1.0, 2.0, 3.0)), ControlPoint("none", (1.0, 2.0, 3.0))),
         )
         tied = {
@@ -352,6 +355,8 @@ def test_lateral_ties_and_control_are_those_of_the_photos_that_see_them() -> Non
         measured = [s.id for s in strips if any(s.id in ids for ids in tied.values())]
         apart = tuple(name for name in measured if name not in reached)
         assert coverage_of(one) == (lateral, 2, int(twice), apart)
+        columns = ImagePoints(columns=columns_of(one.image_points))
+        assert coverage_of(replace(one, image_points=columns)) == (lateral, 2, int(twice), apart)
         alone.add(bool(apart))
         found.add((lateral, twice))
     assert {lateral for lateral, _ in found} > {0, 1, 2}
