@@ -465,7 +465,10 @@ def with_table(
 ) -> ModelStatus:
     """Return a measured model's status, with the figures of its solution where it has one."""
     if solution is None:
-        off = 0 if measured is None else len(measured.off)
+        # what was left out without a measurement has no row that is off
+        points = () if measured is None else {point.point for point in measured.measured}
+        switched = () if measured is None else measured.off
+        off = sum(point in points for point, _ in switched)
         return ModelStatus(*photos, stands, off=off, why=why)
     return ModelStatus(
         *photos,

@@ -94,6 +94,11 @@ def test_the_day_says_the_same_live_and_from_the_files() -> None:
     found = day.same()
     assert states(found) == ["in work", "open", "open"]
     assert found.next.point == day.state.current.plan[0].point
+    # what is left out without a measurement is no row that is off, with a table and without
+    kept, left = day.state, day.state.current.plan[-1].point
+    day.state = apply(day.state, RowSwitched(left, "y", on=False))
+    assert [model.off for model in day.same().models] == [0, 0, 0]
+    day.state = kept
     day.state = day.scene.whole(day.state)
     found = day.same()
     assert found.next.do == "accept"
