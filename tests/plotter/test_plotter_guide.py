@@ -1,12 +1,13 @@
 from __future__ import annotations
 
 import re
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
 
 from anaplot.plotter import profile as profile_module
-from anaplot.plotter import profilekeys
+from anaplot.plotter import profilekeys, schema
 from anaplot.plotter.decoder import Decoder
 from anaplot.plotter.device.plotter import SimulatedPlotter
 from anaplot.plotter.examples import check_examples
@@ -31,7 +32,7 @@ def test_the_smallest_profile_is_one():
 
 def test_every_key_that_the_loader_knows_is_in_the_guide():
     declared = [value for name, value in vars(profilekeys).items() if name.isupper()]
-    keys = {key for fields in declared if isinstance(fields, dict) for key in fields}
+    keys = {key for of in declared if isinstance(of, dict) for key in of}
     # and those whose kind is put together from other tables
     source = Path(profile_module.__file__).read_text()
     kind = r"(?:keys\.|[A-Z]\w+\(|[A-Z]+,|self\._link|place|group,)"
@@ -39,6 +40,22 @@ def test_every_key_that_the_loader_knows_is_in_the_guide():
     assert len(keys) > 60
     missing = {key for key in keys if not re.search(rf"[`.]{key}\b", GUIDE)}
     assert missing == set()
+
+
+@pytest.mark.parametrize(
+    ("made", "row"),
+    [(schema.Simulate, "simulate"), (schema.Footswitch, "footswitch.NAME")],
+)
+def test_what_stands_when_a_key_is_left_out_is_in_the_guide(made, row):
+    (line,) = re.findall(rf"^\| `\[{re.escape(row)}\]` \|.*$", GUIDE, re.MULTILINE)
+    usual = {field.name: field.default for field in fields(made)}
+    told = {
+        name: str(value).lower() if isinstance(value, bool) else f"{value:g}"
+        for name, value in usual.items()
+        if isinstance(value, bool | int | float)
+    }
+    assert len(told) > 2
+    assert [name for name, value in told.items() if f"`{name}` {value}" not in line] == []
 
 
 def test_what_the_sketch_prints_is_understood():
