@@ -69,7 +69,6 @@ from anaplot.station.journaling import Recorder
 from anaplot.station.livestatus import LiveStatus
 from anaplot.station.pointpattern import point_pattern_of
 from anaplot.station.pointsfile import BlockRead
-from anaplot.station.rejectedelsewhere import told_decisions
 from anaplot.station.restored import Snapshots
 from anaplot.station.snapshot import LinkView, Snapshot, snapshot_of
 from anaplot.station.takenup import TakenUp
@@ -167,8 +166,8 @@ class Station(Commanded):
                 control=block.control,
                 auto_drive=auto_drive,
             )
-            told = (pattern_verdict(point_pattern), told_decisions(taken_up.decided))
-            for remark in filter(None, (*recovered.remarks, *told, taken_up.moved)):
+            told = (pattern_verdict(point_pattern), *taken_up.remarks)
+            for remark in filter(None, (*recovered.remarks, *told)):
                 self._news.tell("warning", remark)
             self._write_points()
             if self._instrument is not None:

@@ -14,10 +14,11 @@ from anaplot.photogrammetry.readings import Position
 from anaplot.session.events import DecisionsTakenOver
 from anaplot.session.referencing import in_words
 from anaplot.session.state import start
+from anaplot.station.changedplates import told_changed_plates
 from anaplot.station.edited import check_unedited, written_once
 from anaplot.station.lastshift import last_shift
 from anaplot.station.pointsfile import BlockRead, PointsFile
-from anaplot.station.rejectedelsewhere import elsewhere
+from anaplot.station.rejectedelsewhere import elsewhere, told_decisions
 from anaplot.station.restored import Past, PastReading, choice_for
 
 __all__ = ["TakenUp"]
@@ -47,6 +48,8 @@ class TakenUp:
     shift
         By how much the counters of the instrument are moved [mm], as they were when its last
         session ended; None: they count as they are.
+    plates
+        That plates become image coordinates otherwise than before, in one line, or "".
     """
 
     def __init__(self, folder: Path, read: BlockRead) -> None:
@@ -57,10 +60,16 @@ class TakenUp:
         self.decided: tuple[DecisionsTakenOver, ...] = ()
         self.points = PointsFile(folder, read, ())
         self.shift: Position | None = None
+        self.plates = ""
         self._profile: str | None = None
 
     @property
-    def moved(self) -> str:
+    def remarks(self) -> tuple[str, ...]:
+        """What is told of it when it goes on, each in one line, or ""."""
+        return told_decisions(self.decided), self.plates, self._moved
+
+    @property
+    def _moved(self) -> str:
         """That the counters are moved as before, in one line, or ""."""
         by = self.shift
         if by is None:
@@ -110,6 +119,7 @@ class TakenUp:
             count=past.count + len(new),
             state=said if new else past.state,
         )
+        self.plates = told_changed_plates(self._folder, self.block, past.state)
         if self._profile is not None:
             self.shift = last_shift(self._folder, self._profile)
         by = self.shift

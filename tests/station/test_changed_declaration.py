@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 from pathlib import Path
 
 import pytest
@@ -14,10 +15,13 @@ from anaplot.exchange.blockfolder import read_block
 from anaplot.exchange.journal import read_journal
 from anaplot.exchange.recordline import encode_line
 from anaplot.planning.synthetic import synthetic_strip
+from anaplot.session.state import start
+from anaplot.station.changedplates import told_changed_plates
 from anaplot.station.rebuild import rebuild
 from anaplot.station.replay import recorded_block, replay_session
 from anaplot.station.salvage import salvage
 from anaplot.station.sessionlog import read_log
+from anaplot.station.station import Station
 
 
 @pytest.fixture(scope="module")
@@ -71,6 +75,45 @@ def test_what_was_measured_belongs_to_the_block_as_it_is_now(
 def test_the_log_knows_both_days(two_days: Path) -> None:
     accepted = [change.model for change in read_log(two_days) if change.what == "accepted"]
     assert accepted == ["101/102", "102/103"]
+
+
+def test_that_plates_become_image_coordinates_otherwise_is_told_once(
+    two_days: Path, tmp_path: Path
+) -> None:
+    """What was measured stays as it is: a certificate typed later left two calibrations in it."""
+    folder = tmp_path / "b"
+    shutil.copytree(two_days, folder)
+    (camera,) = read_block(folder).cameras
+    declared = folder / "block.toml"
+    declared.write_text(re.sub(r"(?m)^(c = .*)$", r'\1\nfile = "cam.toml"', declared.read_text()))
+    head = f'format = 1\n[camera]\nid = "{camera.id}"\nc = {camera.c}\n'
+    size = "" if camera.format is None else f"format = {list(camera.format)}\n"
+    points = (folder / "image_points.csv").read_bytes()
+
+    def told() -> list[str]:
+        with Station(folder) as station:
+            said: list[str] = []
+            station.subscribe_notices(lambda _, text: said.append(text))
+        return [text for text in said if "stays as it is" in text]
+
+    state = replay_session(folder).state
+    (folder / "cam.toml").write_text(head + size)
+    assert told() == [], "a file that says the same"
+    (folder / "cam.toml").write_text(f"{head}{size}principal_point = [0.02, 0.0]\n")
+    words = f"principal point of camera '{camera.id}': changed since the block was open last; what "
+    words += "was measured of 101, 102, 103 stays as it is"
+    assert told_changed_plates(folder, read_block(folder), state) == words
+    assert told() == [words]
+    assert told() == []
+    assert (folder / "image_points.csv").read_bytes() == points
+    heights = "flying_height = 1900.0\nground_height = 100.0\n"
+    (folder / "cam.toml").write_text(f"{head}{size}[distortion]\nradial = [0.0, 1e-8, 0.0, 0.0]\n")
+    declared.write_text(f"{declared.read_text()}\n[refinement]\nrefraction = true\n{heights}")
+    (text,) = told()
+    assert text.startswith("principal point, distortion of camera")
+    assert " and refinement: changed since" in text
+    # nothing is said where nothing was measured
+    assert told_changed_plates(folder, read_block(two_days), start(read_block(folder))) == ""
 
 
 def test_a_declaration_that_does_not_fit_is_named_with_its_line(
