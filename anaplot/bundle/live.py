@@ -8,11 +8,11 @@ one thread; a progress function that raises stops it, and the last answer stays.
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import dataclass, replace
-from itertools import combinations
 
 import numpy as np
+from scipy import sparse
+from scipy.sparse.csgraph import connected_components
 
 from anaplot.aliases import Index, Progress
 from anaplot.bundle.adjust import adjust_problem, evaluate
@@ -226,19 +226,14 @@ def _joined_strips(problem: Problem) -> Index:
     strip are with the others of none.
     """
     strip_of = {name: strip.id for strip in problem.block.strips for name in strip.photos}
-    strips = [strip_of.get(name) for name in problem.photos]
-    names = list(dict.fromkeys(strips))
-    seen: dict[int, set[int]] = {}
-    for photo, point in zip(problem.photo.tolist(), problem.point.tolist(), strict=True):
-        seen.setdefault(point, set()).add(names.index(strips[photo]))
-    common = Counter(pair for of in seen.values() for pair in combinations(sorted(of), 2))
-    joined = [pair for pair, count in common.items() if count >= _JOINING]
-    labels = list(range(len(names)))
-    for first, second in joined:
-        old, new = labels[second], labels[first]
-        labels = [new if label == old else label for label in labels]
-    found = np.array([labels[names.index(strip)] for strip in strips], dtype=np.intp)
-    return np.unique(found, return_inverse=True)[1].astype(np.intp)
+    number: dict[str | None, int] = {}
+    strips = [number.setdefault(strip_of.get(name), len(number)) for name in problem.photos]
+    at = np.array(strips, dtype=np.intp)
+    rays = np.ones(len(problem.photo)), (at[problem.photo], problem.point)
+    sees = sparse.csr_array(rays, shape=(len(number), len(problem.points))) > 0.0
+    common = (sees.astype(np.intp) @ sees.T.astype(np.intp)).toarray()
+    part = connected_components(common >= _JOINING, directed=False)[1]
+    return np.asarray(part[at], dtype=np.intp)
 
 
 def _hangs(problem: Problem) -> bool:
