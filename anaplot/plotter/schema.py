@@ -43,8 +43,9 @@ class LineSettings:
         As on the device's page: parity none, even, odd, mark or space; flow none, rtscts or
         xonxoff.
     silence
-        Seconds without any byte after which the link counts as silent; None when the device
-        speaks only when something happens.
+        Seconds without a valid record after which the link counts as silent. None: four timeouts
+        of a link that is polled, 2 s at least; never of a device that speaks when something
+        happens.
     """
 
     name: str
