@@ -219,6 +219,11 @@ class PastReading:
         self._behind = snapshot, ever, Folding(state, before)
         return self._behind[2].take
 
+    @property
+    def declared_alike(self) -> bool:
+        """Whether the youngest snapshot is of the block as it is declared now."""
+        return self._behind is not None
+
     def past(self) -> Past:
         """Return what happened, when all records were taken.
 

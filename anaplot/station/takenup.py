@@ -119,7 +119,8 @@ class TakenUp:
             count=past.count + len(new),
             state=said if new else past.state,
         )
-        self.plates = told_changed_plates(self._folder, self.block, past.state)
+        if not reading.declared_alike:  # else a long journal is searched for nothing
+            self.plates = told_changed_plates(self._folder, self.block, past.state)
         if self._profile is not None:
             self.shift = last_shift(self._folder, self._profile)
         by = self.shift
