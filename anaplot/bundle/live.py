@@ -8,6 +8,7 @@ one thread; a progress function that raises stops it, and the last answer stays.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -116,30 +117,32 @@ class LiveBlock:
         datums: tuple[Datum, ...] = ("control", "free")
         for datum in datums:
             problem = make_problem(block, datum=datum, additional=self._additional)
-            aside: tuple[str, ...] = ()
             if datum == "control" and _hangs(problem):
                 hanging = problem
                 continue
-            if datum == "free":
-                problem, aside = self._part(problem, components(problem))
-            try:
-                adjusted = self._adjusted(problem, progress)
-            except NotComputableError as caught:
-                error = error or caught
-                smaller, more = self._part(problem, _joined_strips(problem))
-                if datum != "free" or not more:
-                    continue
+            for part, aside in self._parts(problem):
                 try:
-                    adjusted = self._adjusted(smaller, progress)
-                except NotComputableError:
+                    adjusted = self._adjusted(part, progress)
+                except NotComputableError as caught:
+                    error = error or caught
                     continue
-                aside = (*aside, *more)
-            return self._keep(adjusted, aside)
+                return self._keep(adjusted, aside)
         if hanging is not None:
             # what is missing first of all is the datum, and that is told in words
             return self._keep(self._adjusted(hanging, progress), ())
         assert error is not None
         raise error
+
+    def _parts(self, problem: Problem) -> Iterator[tuple[Problem, tuple[str, ...]]]:
+        """Yield what may be adjusted, the largest first, and the photos that are not in it."""
+        if problem.datum != "free":
+            yield problem, ()
+            return
+        connected, aside = self._part(problem, components(problem))
+        yield connected, aside
+        held, more = self._part(connected, _joined_strips(connected))
+        if more:
+            yield held, (*aside, *more)
 
     def _part(self, problem: Problem, labels: Index) -> tuple[Problem, tuple[str, ...]]:
         """Restrict to the part with most rays; names the photos of the others."""
