@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from itertools import takewhile
@@ -33,6 +32,7 @@ from anaplot.photogrammetry.block import Block, ImagePoint
 from anaplot.report.adjustcommand import adjust
 from anaplot.report.columns import counted
 from anaplot.report.document import BLANK, Document, say
+from anaplot.report.journalnote import session_of
 from anaplot.report.output import Output
 from anaplot.report.running import computed, run_computation
 from anaplot.textfiles.wording import first_of, place, quoted
@@ -233,12 +233,9 @@ def _check_session(folder: Path, block: Block) -> None:
 
     What the session takes over when it is opened may go on, and go back.
     """
-    if not os.path.lexists(folder / "sessions"):
+    found = session_of(folder, block)
+    if found is None:
         return
-    # only blocks with a session need what a session needs
-    from anaplot.station.journaled import journaled
-
-    found = journaled(folder, block)
     foreign = tuple(row for row in found.edited if not row.taken_over)
     if foreign:
         remark = found._replace(edited=foreign).remark(folder)

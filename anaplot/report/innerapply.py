@@ -40,6 +40,7 @@ from anaplot.photogrammetry.inner import InnerOrientation
 from anaplot.photogrammetry.inneradvice import odd_scale
 from anaplot.photogrammetry.measuredimage import measured_rays
 from anaplot.report.columns import counted
+from anaplot.report.journalnote import session_of
 from anaplot.session.plates import PlateSystem
 from anaplot.textfiles.wording import place, plain, quoted, typed_path
 
@@ -233,13 +234,10 @@ def merged(
 def _check_session(measured: Measured, photos: Sequence[str]) -> None:
     """Refuse to put rows in the place of those that a session has accepted."""
     folder = measured.folder
-    if not photos or not os.path.lexists(folder / "sessions"):
+    found = session_of(folder, measured.block) if photos else None
+    if found is None or found.state is None:
         return
-    # only blocks with a session need what a session needs
-    from anaplot.station.journaled import journaled
-
-    state = journaled(folder, measured.block).state
-    for model in () if state is None else state.models:
+    for model in found.state.models:
         for photo in model.photos:
             if photo in photos:
                 raise InputError(

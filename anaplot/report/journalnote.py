@@ -22,6 +22,7 @@ __all__ = [
     "journal_answer",
     "journal_note",
     "session_note",
+    "session_of",
     "with_journal_notes",
 ]
 
@@ -93,12 +94,26 @@ class SessionFiles:
 
 
 def _note(folder: Path, block: Block, read: SessionLog | None = None) -> Answer | None:
+    found = session_of(folder, block, read)
+    return None if found is None else journal_answer(folder, found)
+
+
+def session_of(folder: Path, block: Block, read: SessionLog | None = None) -> Journaled | None:
+    """Return what a block's journal says of its files; None where it has no session.
+
+    Parameters
+    ----------
+    folder, block
+        The block folder, and what was read from it.
+    read
+        What was read of the journal since, where it was.
+    """
     if not os.path.lexists(folder / "sessions"):
         return None
     # only blocks with a session need what a session needs
     from anaplot.station.journaled import journaled
 
-    return journal_answer(folder, journaled(folder, block, read))
+    return journaled(folder, block, read)
 
 
 def journal_answer(folder: Path, found: Journaled) -> Answer | None:
