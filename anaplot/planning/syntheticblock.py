@@ -10,9 +10,7 @@ import numpy as np
 from anaplot.aliases import Array
 from anaplot.orientation.ownpattern import PointPattern
 from anaplot.orientation.patterns import pattern
-from anaplot.photogrammetry.block import (
-    Camera,
-)
+from anaplot.photogrammetry.block import Camera
 from anaplot.photogrammetry.collinearity import project
 from anaplot.photogrammetry.rotation import rotation_matrix
 from anaplot.planning.modelplan import standard_d

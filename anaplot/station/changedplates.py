@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
 
 from anaplot.errors import InputError
@@ -13,9 +12,11 @@ from anaplot.photogrammetry.block import Block
 from anaplot.photogrammetry.camera import CameraCalibration
 from anaplot.session.state import SessionState
 from anaplot.station.payloads import opened_by
-from anaplot.textfiles.wording import quoted
+from anaplot.textfiles.wording import first_of, quoted
 
 __all__ = ["told_changed_plates"]
+
+_MOST = 6  # photos that are named
 
 
 def told_changed_plates(folder: Path, block: Block, state: SessionState) -> str:
@@ -49,9 +50,11 @@ def told_changed_plates(folder: Path, block: Block, state: SessionState) -> str:
         changed["refinement"] = sorted(photos)
     if not changed:
         return ""
+    names = list(dict.fromkeys(photo for of in changed.values() for photo in of))
+    those = first_of(names, _MOST) + (" photos" if len(names) > _MOST else "")
     return (
         f"{' and '.join(changed)}: changed since the block was open last; what was measured of "
-        f"{_listed(photo for of in changed.values() for photo in of)} stays as it is"
+        f"{those} stays as it is"
     )
 
 
@@ -83,9 +86,3 @@ def _differing(old: CameraCalibration | None, new: CameraCalibration | None) -> 
         if any(getattr(one, key) != getattr(other, key) for key in keys)
     )
     return ", ".join(differ)
-
-
-def _listed(photos: Iterable[str]) -> str:
-    names = list(dict.fromkeys(photos))
-    more = len(names) - 6
-    return ", ".join(names[:6]) + (f" and {more} more photos" if more > 0 else "")

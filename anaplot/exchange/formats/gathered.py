@@ -15,6 +15,7 @@ from anaplot.photogrammetry.block import (
     Block,
     Camera,
     ImagePoint,
+    Precision,
     TestSettings,
     calibrated_camera,
     in_pixels,
@@ -141,7 +142,8 @@ def image_sigma(options: ImportOptions) -> tuple[float, list[Note]]:
     """Return the a-priori sigma of image coordinates [um] where the source states none."""
     if options.sigma_um is not None:
         return options.sigma_um, []
-    return 5.0, [Note("assumed", None, "sigma of image coordinates 5 um (--sigma-um)")]
+    usual = Precision().image_um
+    return usual, [Note("assumed", None, f"sigma of image coordinates {usual:g} um (--sigma-um)")]
 
 
 def rays_that_count(block: Block) -> tuple[list[ImagePoint], list[Note]]:
